@@ -35,19 +35,17 @@ def by_incomplete_factor(
     A: sp.csr_array,
     b: Array,
     shift: float,
-    accuracy: float = 0.0,
     tolerance: float = TOLERANCE,
     negative: int | None = None,
 ) -> Array:
     """Solve (A - shift I) x = b by BiCGStab with the incomplete factors of A, whose columns ascend.
 
-    The residual is at most `tolerance` |b|, or `accuracy` if that is more. NotConvergedError is raised if a pivot
-    vanishes, if fewer than `negative` are negative, so that A seems to have fewer negative eigenvalues, or if the
-    iteration fails.
+    The residual is at most `tolerance` |b|. NotConvergedError is raised if a pivot vanishes, if fewer than `negative`
+    are negative, so that A seems to have fewer negative eigenvalues, or if the iteration fails.
     """
     data, diagonal, x = A.data.copy(), np.zeros(b.size, dtype=np.int64), np.zeros(b.size)
     matrix, factors = (A.indptr, A.indices, A.data), (A.indptr, A.indices, data, diagonal)
-    enough = max(tolerance * float(np.linalg.norm(b)), accuracy)
+    enough = tolerance * float(np.linalg.norm(b))
     if not _eliminate(*factors) or np.count_nonzero(data[diagonal] < 0.0) < (negative or 0):
         raise NotConvergedError
     if not _bicgstab(matrix, shift, factors, b, enough, x):
@@ -150,7 +148,7 @@ def _bicgstab(
     y, t, z = np.empty(n), np.empty(n), np.empty(n)
     rho = alpha = omega = 1.0
     for count in range(1, LIMIT + 1):
-        if _norm(r) < enough:
+        if _norm(r) <= enough:
             return True
         before, rho = rho, _dot(b, r)
         if abs(rho) < 1e-300 or abs(omega) < 1e-300:
@@ -168,7 +166,7 @@ def _bicgstab(
         for i in range(n):
             r[i] -= alpha * v[i]
             x[i] += alpha * y[i]
-        if _norm(r) < enough:
+        if _norm(r) <= enough:
             return True
         _solve(*factors, r, z)
         times(*matrix, shift, z, t)
@@ -176,7 +174,7 @@ def _bicgstab(
         for i in range(n):
             x[i] += omega * z[i]
             r[i] -= omega * t[i]
-    return _norm(r) < enough
+    return _norm(r) <= enough
 
 
 @compiled
@@ -213,7 +211,6 @@ def by_known_factor(
     factor: Callable[[Array], Array],
     of: Ints,
     changes: int,
-    accuracy: float = 0.0,
 ) -> Array:
     """Solve (A - shift I) x = b by GMRES with the inverse of a matrix that differs from A by few rows and columns.
 
@@ -230,7 +227,7 @@ def by_known_factor(
 
     inverse, restart = LinearOperator(A.shape, matvec=apply), 2 * changes + 3
     shifted = LinearOperator(A.shape, matvec=lambda x: A @ x - shift * x)
-    x, failed = gmres(shifted, b, rtol=TOLERANCE, atol=accuracy, restart=restart, maxiter=2, M=inverse)
+    x, failed = gmres(shifted, b, rtol=TOLERANCE, restart=restart, maxiter=2, M=inverse)
     if failed:
         raise NotConvergedError
     return np.asarray(x)

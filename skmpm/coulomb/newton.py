@@ -43,8 +43,6 @@ POLISH = 1e-2
 # dense packing 200 change in the first step, 6 in the second, none in the third.
 MANY_CHANGES, ROUGH_TOLERANCE = 0.01, 1e-4
 MAX_CHANGES = 8  # contacts of other states up to which a known factor is used again
-# Residual of a linear system that suffices, over the tolerance of the problem: it moves bodies by 1e-10 cells.
-ACCURACY = 1e-6
 # Pivots on the diagonal over the largest entry of their columns, above which rows keep their order, the one with
 # little fill. With 0.01 the LU of a dense packing has 1.35 times the entries and takes 1.6 times as long; solutions
 # refined once are as accurate.
@@ -67,8 +65,7 @@ def full_steps(p: Problem, x: Iterate, tol: float, limit: int) -> tuple[Iterate,
     changes, wanted = (p.mu.size, POLISH * tol) if precise else (0, tol)
     while ((precise and rough) or best.error > wanted) and count < limit and left:
         polished, rough = best.error <= tol, p.repeated and changes > MANY_CHANGES * p.mu.size
-        accuracy, tolerance = ACCURACY * tol * p.reference, ROUGH_TOLERANCE if rough else TOLERANCE
-        known, (d, factor) = factor, _step(p, r, state, accuracy, factor, tolerance)
+        known, (d, factor) = factor, _step(p, r, state, factor, ROUGH_TOLERANCE if rough else TOLERANCE)
         if factor is not None and factor is not known and factor.unstable(p.negative):
             return best, count + 1
         r, count = r + d, count + 1
@@ -94,7 +91,6 @@ def _step(
     p: Problem,
     r: Array,
     state: States,
-    accuracy: float,
     known: _Factor | None,
     tolerance: float,
 ) -> tuple[Array, _Factor | None]:
@@ -109,7 +105,7 @@ def _step(
     b = -((p.W @ start)[free] + p.q[free])
     if is_sparse(p.W):
         A = _combined(p.W, free, column, factor, p.shift)
-        change, known = _change(p, A, b, (accuracy, tolerance), state, free, known)
+        change, known = _change(p, A, b, tolerance, state, free, known)
     else:
         combined = np.zeros((free.size, free.size))
         np.add.at(combined.T, column, (p.W[free] * factor).T)
@@ -121,7 +117,7 @@ def _change(
     p: Problem,
     A: sp.csr_array,
     b: Array,
-    enough: tuple[float, float],
+    tolerance: float,
     state: States,
     free: NDArray[np.intp],
     known: _Factor | None,
@@ -134,9 +130,9 @@ def _change(
     changes = p.mu.size if known is None else int(np.count_nonzero(state != known.state))
     try:
         if known is not None and known.lu is not None and changes <= MAX_CHANGES:
-            return by_known_factor(A, b, p.shift, free, known.solve, known.free, changes, enough[0]), known
+            return by_known_factor(A, b, p.shift, free, known.solve, known.free, changes), known
         if known is None or b.size > MANY_ROWS:
-            return by_incomplete_factor(A, b, p.shift, *enough, p.negative), known
+            return by_incomplete_factor(A, b, p.shift, tolerance, p.negative), known
     except NotConvergedError:
         pass
     known = _Factor(_factorised(A), state, free)
