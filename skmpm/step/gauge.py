@@ -30,7 +30,6 @@ from skmpm.scheme import Scheme
 from skmpm.step.forces import DeadLoad
 from skmpm.step.terms import Term
 
-UNSTABLE = 0.75  # dt^2 virial / J of a body from which on its spin is dropped; at 1, inertia resists no rotation
 # [rad] Largest rotation in a step of other bodies with the condition: it keeps the angular momentum about the centre
 # at the start of the step, so that the energy of rotation grows by a quarter of the square of this angle, which is
 # below the tolerance of the energy check (`step.acceptance`).
@@ -106,9 +105,9 @@ def gauge_condition(
     condition holds for bodies in contact in long steps, in which waves cross their radius: shorter ones resolve
     impacts and rotations. A body under pressure p that rotates by phi while its loads keep their directions loses the
     energy p V phi^2, with 2 p V the virial of its contact forces. From dt^2 2 p V = J on that exceeds its rotational
-    energy, and its spin is dropped; under less pressure it is kept, and bodies that spin fast do not have the
-    condition, nor do those on which gravity, one of the `terms`, has a moment. `v0` (2 nodes,) [m/s] are the
-    velocities at the start of the step.
+    energy, so that inertia resists no rotation, and its spin is dropped. Under less pressure it is kept, and bodies
+    that spin fast do not have the condition, nor do those on which gravity, one of the `terms`, has a moment. `v0`
+    (2 nodes,) [m/s] are the velocities at the start of the step.
     """
     interval = scheme.theta * dt
     if scheme.inertia:
@@ -159,4 +158,4 @@ def _unstable(state: State, dt: float) -> Bools:
         on = np.flatnonzero(side >= 0)
         lever = state.contacts.at(end)[:, on] - centre[:, side[on]]
         virial += np.bincount(side[on], sign * np.einsum("ik,ik->k", force[:, on], lever), count)
-    return np.asarray(dt**2 * virial > UNSTABLE * inertia)
+    return np.asarray(dt**2 * virial > inertia)
