@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skmpm.arrays import Array
+from skmpm.arrays import EXACT, Array
 from skmpm.coulomb.newton import full_steps
 from skmpm.coulomb.problem import Bilateral, Iterate, Matrix, Problem, is_sparse, scaled, unscaled
 
 # Weight of the proximal term over diag(W~), which is one: at first, and its factors after success and failure. Larger
-# first weights and slower decreases take longer; smaller weights leave problems of rigid bodies unsolved.
+# first weights and slower decreases take longer; smaller weights leave problems of rigid bodies unsolved. The least
+# is `EXACT`: with less the impulses of a jam become so large that their residual is lost in round-off.
 FIRST_WEIGHT, WEIGHT_DECREASE, WEIGHT_INCREASE = 1.0, 0.3, 5.0
-MIN_WEIGHT = 1e-12  # with less the impulses of a jam become so large that their residual is lost in round-off
 REDUCTION = 0.7  # factor by which each proximal problem must reduce the residual; with 1 a fifth is unsolved
 STALL_LIMIT = 150  # stop when this many Newton steps have not halved the residual
 
@@ -157,7 +157,7 @@ def _proximal(p: Problem, x: Iterate, tol: float, limit: int, steps: int) -> tup
         candidate = p.at(new.r)
         x = candidate if solved or candidate.error < x.error else x
         best = x if x.error < best.error else best
-        weight = max(weight * (WEIGHT_DECREASE if solved else WEIGHT_INCREASE), MIN_WEIGHT)
+        weight = max(weight * (WEIGHT_DECREASE if solved else WEIGHT_INCREASE), EXACT)
         if best.error < 0.5 * mark:
             mark, marked = best.error, steps
     return best, steps
