@@ -17,9 +17,8 @@ SLIP_SIGN = np.array([0.0, 0.0, 1.0, -1.0])  # sign of r_t for each state
 Matrix: TypeAlias = Any  # dense or CSR, with @
 Ints: TypeAlias = NDArray[np.integer]
 
-TINY = float(
-    np.finfo(float).tiny
-)  # keeps norms in denominators positive; residuals of problems with |q~| below it are relative to it
+# Keeps norms in denominators positive; residuals of problems with |q~| below it are relative to it.
+TINY = float(np.finfo(float).tiny)
 MAX_DENSE_ROWS = 200  # problems with more rows use sparse matrices; for smaller ones dense algebra is faster
 # Added to the unit diagonal of W~ in Newton steps: bounds the impulses of redundant contacts. Steps of 1e4 h / c
 # leave elastic eigenvalues of 1e-7; of 1e-6 to 1e-10, 1e-8 and 1e-9 take the fewest steps for 165 problems.
@@ -187,9 +186,6 @@ class Bilateral:
     """
 
     q: Array
-    # Number of negative eigenvalues of what W has for s besides the response to s, where W is symmetric. If the
-    # solution is a minimum of energy, the matrix of its closed contacts and s has as many (`newton`); Newton steps
-    # end where it has fewer. None: they are not counted.
     negative: int | None = None
 
 
