@@ -139,7 +139,7 @@ def _normals(x: Array, previous: Ints, following: Ints, out: Array) -> None:
 
 
 def bend(outlines: Outlines, x: Array) -> Array:
-    """Convex curvature of the boundary at its points: left turn over the length of the shorter segment.
+    """Convex curvature of the boundary at its points: of the circle with two chords as long as the shorter segment.
 
     Parameters
     ----------
@@ -160,7 +160,8 @@ def bend(outlines: Outlines, x: Array) -> Array:
     """
     length = np.hypot(*(x[:, outlines.next] - x))
     shorter = np.minimum(length, length[outlines.previous])
-    return np.asarray(np.maximum(turning_angles(outlines, x), 0.0) / np.maximum(shorter, 1e-300))
+    turn = np.maximum(turning_angles(outlines, x), 0.0)
+    return np.asarray(2.0 * np.sin(0.5 * turn) / np.maximum(shorter, 1e-300))
 
 
 def half_segments(outlines: Outlines, x: Array, c: Ints, normal: Array) -> Array:

@@ -10,10 +10,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from skmpm import outline
-from skmpm.arrays import Array, Bools, Ints
+from skmpm.arrays import ROUND_OFF, Array, Bools, Ints
 from skmpm.scene import Contacts, Scene
 
-CHORD_FACTOR = 1.05  # of the rotation of the tangent over a chord to that over its arc, up to 60 degrees each
 # [cells] Radius of edges that indented 13 of 14 blocks by 40 % of their height without inertia (test_punch).
 MIN_EDGE_RADIUS = 0.5
 
@@ -45,7 +44,7 @@ def facing_edges(scene: Scene, v: Array, radius: float) -> Ints:
     """
     boundary, x = scene.outlines, scene.initial_positions
     at = x[:, boundary.point]
-    edges = np.flatnonzero(~scene.deformable[boundary.body] & (outline.bend(boundary, at) * radius > CHORD_FACTOR))
+    edges = np.flatnonzero(~scene.deformable[boundary.body] & (outline.bend(boundary, at) * radius > 1.0 + ROUND_OFF))
     if edges.size == 0:
         return np.zeros((3, 0), dtype=np.int64)
     point, normal = boundary.point[edges], outline.normals(boundary, at)[:, edges]

@@ -132,6 +132,12 @@ def test_measures_of_a_square_with_a_square_hole():
     np.testing.assert_allclose(outline.second_moments(o, x, n)[:, :, 0], M, rtol=1e-13)
 
 
+@pytest.mark.parametrize("n", [3, 6, 50])
+def test_a_regular_polygon_bends_as_the_circle_through_its_corners(n):
+    outlines, x, _ = build([regular(n, 2.0)])
+    assert outline.bend(outlines, x) == pytest.approx(np.full(n, 0.5), rel=1e-12)
+
+
 @given(SEEDS)
 def test_measures_follow_a_rigid_motion(seed):
     rng = np.random.default_rng(seed)
