@@ -30,7 +30,7 @@ from skmpm.step.scalar_unknowns import RESPONSE, driven
 # closes from a larger gap is one in the next. Twice of it gives packings of 300 discs 1.1 to 1.35 times as many rows;
 # they take as many iterations with twice and with half of it.
 MAX_CANDIDATE_GAP = 0.08
-# [cells] Largest penetration of a supported point, a fifth of what `step.acceptance` accepts at walls.
+# [cells] Largest penetration of a supported point, a fifth of what is accepted at walls (test_supports).
 MAX_SUPPORTED_PENETRATION = 0.01
 BOTH_SUPPORTED, GIVE_NO_SUPPORT = "they press on each other where supports hold both", "give these points no Support"
 
