@@ -7,7 +7,7 @@ v0 := w of the last solve, repeated until M (w - v0) is negligible, is the proxi
 time of the step stay.
 
 The share is small where bodies rest, and so large where nothing holds a body that it moves by a tenth of a cell in a
-solve: contact points are chosen once per solve. A body that moves by four cells is given up.
+solve: contact points are chosen once per solve. A body that moves by six cells is given up.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ FIRST, LEAST, LARGEST = 1e-4, 1e-8, 1.0
 # Twice and half of the next three are wrong about heaps that stand or discs that fall (test_equilibrium).
 MOTION = 0.1  # [cells] of a body that nothing holds in one solve, beyond what prescribed motions move
 TOO_FAR = 0.2  # [cells] beyond them: such a solve is repeated with a larger share
-FARTHEST = 4.0  # [cells] beyond them of a body in all solves: one falls by 3 cells, but not by 6
+FARTHEST = 6.0  # [cells] beyond them of a body in all solves: one falls by 4 cells, but not by 8 (test_equilibrium)
 MAX_SOLVES = 120  # smooth packings that give way under a lid take up to 80
 # Largest factor of a share, or of its inverse, from one solve to the next, and that after a solve that failed. Later
 # shares stay above that one by its root. With 5 a heap of six discs does not stand (test_equilibrium).
