@@ -2,16 +2,14 @@ r"""Recovered Hertz pressures have an rms error of 0.1 of the peak or less, from
 
 Their peaks are right to 5 % on average. Point forces over tributary lengths err several times as much.
 
-- *Hertz*: a disc between frictionless plates, quasi-static, linear elastic, nu = 0.3, random grid offset, direction
-  and angle of the cloud. The reference is the ellipse of the same force, $p_0 = 2 P / (\pi a)$ and
-  $a^2 = 4 P R / (\pi E^*)$, with $a$ narrower by up to 2.3 % as finite elements have it (`test_hertz.TABLE`). It is
-  that of small strains, so pressures are taken per undeformed length. The current ones, which `contact_pressure`
-  returns, are 3 to 4 % higher at d/R = 0.1. Goals hold for half-widths above 1.2 cells (`RESOLVED`, as for Hertz's
-  force).
-- *Rings* are thick; their bulk points are at most 0.55 h apart, whatever the spacing of those of the boundary. A peak
-  is within its error if it is off by at most 5 % or `Traction.error`.
-- *Blocks* have the uniform pressure $E / (1 - \nu^2)$ times the strain between smooth plates, corners included.
-- *Roller*: a rubber cover pressed by a steel roller, against finite elements, see `covered_roller`.
+- *Hertz*: the disc between plates of [Hertz's contact](hertz.md), nu = 0.3. The ellipse has $p_0 = 2 P / (\pi a)$,
+  with the half-width $a$ of finite elements, up to 2.3 % narrower than Hertz's. Strains are small, so pressures are
+  those per undeformed length; `contact_pressure` returns the current ones, 3 to 4 % higher at d/R = 0.1. Goals hold
+  from half-widths of 1.2 cells on.
+- *Rings* are thick; bulk points are at most 0.55 h apart, whatever the spacing of the boundary. A peak is within its
+  error if it is off by at most 5 % or `Traction.error`.
+- *Blocks* between smooth plates have the pressure $E / (1 - \nu^2)$ times the strain, corners included.
+- *Roller*: a rubber cover pressed by a steel roller (`covered_roller`).
 """
 
 from dataclasses import replace

@@ -1,9 +1,8 @@
 """The contact solver finds a solution of every problem saved from real runs, and of all but 4 of 4000 random ones.
 
-Small problems have all contact states enumerated; the library in tests/verification/problems, which save_problems.py
-makes, has problems of runs. No answer is judged by the solver's own residual. `violation` (contact_laws.py) checks
-Signorini's and Coulomb's laws contact by contact, as they are written. Frictionless contacts against non-negative
-least squares, projections, units and jams are unit tests (tests/unit/test_coulomb.py).
+Small problems have all contact states enumerated. The library (tests/verification/problems, by save_problems.py) has
+problems of runs. `violation` (contact_laws.py), not the solver's own residual, checks Signorini's and Coulomb's laws
+contact by contact. More is in tests/unit/test_coulomb.py.
 
 | problem of the library | solid fraction | dt |
 |---|---|---|
@@ -13,14 +12,14 @@ least squares, projections, units and jams are unit tests (tests/unit/test_coulo
 | packings, lid takes 1/8 cell a step | 0.80, 0.90 | 0.8, 8 ms |
 | disc on discs 1e4 times lighter | - | 10, 20 ms |
 
-Boxes at shared nodes are two to four at one node or in a wall corner, R/h = 5 and 8. They are the same at outlines,
-with boundaries against them. The Delassus operator W is singular for these, for rigid bodies and the carried disc,
-and nearly so for the block. Packings with shared-grid contact have R/h = 5 and 8.
+Boxes are two to four at one node or in a wall corner. They and packings with shared-grid contact have R/h = 5 and 8.
+The Delassus operator W is singular for boxes at outlines, rigid bodies and the carried disc, and nearly so for the
+block.
 
-The figures of three problems of Siconos are made by siconos.py. Sweeps of a plain Gauss-Seidel method, and the ratio
-of times, are to 1e-6 of the norm of q; their least violation is that within 10,000 sweeps. Sweeps reach 1e-6 sooner
-than Newton's method if bodies are rigid and their masses similar. They stall above 1e-8 where W has negative
-eigenvalues, because Siconos prints six digits of W. They fail where masses differ by 1e4.
+Problems of Siconos are run by siconos.py. Sweeps of a plain Gauss-Seidel method, and the ratio of times, are to 1e-6
+of the norm of q; the least violation is that within 10,000 sweeps. Sweeps are faster than Newton's method if bodies
+are rigid and of similar mass. They stall above 1e-8 where W has negative eigenvalues, because Siconos prints six
+digits of W, and fail where masses differ by 1e4.
 """
 
 from functools import cache

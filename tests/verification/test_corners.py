@@ -1,20 +1,12 @@
 """Bodies with corners, concave outlines or unlike size do not run into each other, but for 0.051 cells in one heap.
 
-A corner is pressed into a face and a wall, and corners meet tip to tip at offsets of 0, 0.01, 0.1 and 0.5 h. A disc
-settles in a notch, a peg fills a slot to its bottom. Twelve polygons, four of them concave, are squeezed to a solid
-fraction of 0.87. Discs of unlike size and resolution touch. Presses and the peg are quasi-static. Position on the
-grid and direction are random. Every other case has friction 0.5, the others none.
+Corners meet tip to tip at offsets of 0, 0.01, 0.1 and 0.5 h. Four of the twelve polygons are concave. Presses and the
+peg are quasi-static. Position on the grid and direction are random. Every other case has friction 0.5, the others
+none.
 
-| bar, at every step | at most |
-|---|---|
-| shared area, by outlines and by clipping | 0.05 % |
-| depth of a boundary point in another body | 0.05 cells |
-| Newton iterations, mean | 3 |
-| Newton iterations, with inertia / without | 7 / 59 |
-
-Depths are measured on the polygons through the boundary points. Newton may never take all the iterations it has, 8
-with inertia and 60 without. Two discs of unlike resolution between plates are as stiff as like ones; R/h = 5 is
-stiff, see [Hertz's contact](hertz.md).
+At every step, goals bound the area shared by outlines, or by clipped polygons, and the depth of a boundary point in
+another polygon. They also bound the mean of Newton's iterations, which must never reach their cap, 8 with inertia and
+60 without. Discs of unlike resolution between plates are as stiff as like ones; R/h = 5 is [too stiff](hertz.md).
 """
 
 from functools import cache

@@ -1,9 +1,8 @@
 """Errors of displacement and stress are those of Q1 finite elements on fitted meshes, wherever the grid lies.
 
-With grids that cut the bodies anywhere, errors are at most 1.4 times those of the elements. They fall with h at the
-same order. Relative L2 errors are weighted by volume: the method's at its material points, those of the elements at
-their quadrature points. Both are against a closed form or, for Cook's membrane, a converged P2 solution. There is one
-quasi-static step in plane strain, nu = 0.3, with 16 points to a cell; the last two tables have other numbers.
+With grids that cut the bodies anywhere, errors are at most 1.4 times those of the elements, of the same order in h.
+Relative L2 errors are weighted by volume, at material points and at quadrature points of the elements. There is one
+quasi-static step in plane strain, nu = 0.3, with 16 points to a cell except in the last table.
 """
 
 from functools import cache

@@ -1,18 +1,16 @@
 r"""Forces of Hertz contacts are right to 3 % on average, half-widths to half a cell, from 1.2 cells on.
 
-A disc between rigid plates, and two equal discs pressed together, are quasi-static and linear elastic. Grid offset,
-direction and the angle of each cloud are random. The reference is
+A disc between rigid plates, and two equal discs, are pressed quasi-statically. They are linear elastic, with random
+grid offset, direction and angle of the cloud. The reference is
 
 $$d = \frac{P}{\pi E^*} \Bigl[2 \ln \frac{4 R}{a} - 1\Bigr], \qquad a = \sqrt{\frac{4 P R}{\pi E^*}},$$
 
-where $d$ is the displacement of one contact towards the centre. It is corrected by finite elements for the finite
-disc: quadratic triangles with an active set, done again here by `finite_elements`.
+with the displacement $d$ of one contact towards the centre, corrected for the finite disc by finite elements
+(`finite_elements`: quadratic triangles with an active set).
 
-Half-widths are measured in the undeformed body in two ways. By moment: the second moment of the contact forces,
-$a^2 / 4$ for Hertz's ellipse; its reference is that of the finite elements' forces. By extent: the distance of the
-outermost points with a force, plus one boundary spacing. In rows marked "sparse" every other boundary point is out of
-the outline. Pressures are averaged by hat functions one or two cells apart. Values with * are below 1.2 cells, where
-no goal is set.
+Half-widths in the undeformed body follow from the second moment of the contact forces, $a^2 / 4$ for Hertz's ellipse,
+or from the distance of the outermost points with a force, plus one spacing. *Sparse* outlines lack every other
+boundary point. Values with * are below 1.2 cells, where no goal is set.
 """
 
 from dataclasses import dataclass

@@ -1,12 +1,11 @@
 r"""Slow packings of soft discs jam where others found, on average; contact at shared nodes jams them early.
 
-The discs have radii of 0.7-1.2 mm, 10 MPa and Poisson's ratio 0.45. 300 of them are in a box of smooth walls, whose
-lid comes down at 6 mm/s in steps that `simulate` chooses (runs of packings.py), four packings for each friction. The
-inertial number is 1e-4 at $P = 10^{-3} E^*$. A lid ten times as fast shows what motion adds.
+Discs of 0.7-1.2 mm, 10 MPa and Poisson's ratio 0.45 are in a box of smooth walls, whose lid comes down at 6 mm/s in
+steps that `simulate` chooses. There are four packings for each friction.
 
-The jamming fraction $\Phi_J$ is where the pressure in the interior, two mean diameters from every wall, leaves zero:
-a straight line in the nominal solid fraction just above it. $\Phi_4$ is the fraction above which the coordination Z
-without rattlers stays above 4, the isostatic number without friction.
+The jamming fraction $\Phi_J$ is the zero of a straight line through the pressure in the interior, two mean diameters
+from every wall, over the nominal solid fraction. Above $\Phi_4$ the coordination Z without rattlers stays above 4,
+the isostatic number without friction.
 
 | reference | value | source |
 |---|---|---|
@@ -16,8 +15,8 @@ without rattlers stays above 4, the isostatic number without friction.
 | $\Phi_J$, friction 0.5 | 0.79 to 0.82 | Silbert (2010) |
 
 Sources are O'Hern, Silbert, Liu & Nagel, Phys. Rev. E 68 (2003), and Silbert, Soft Matter 6 (2010). The pressure in
-mean field is that of the affine approach with Hertz' law of the plane. At shared nodes bodies touch one cell too
-early. Every disc is larger by h/2, and the box is full at $0.842 / (1 + h / 2R)^2$.
+mean field is that of the affine approach with Hertz' law of the plane. At shared nodes discs are effectively larger
+by g/2, with a gap g of about a cell.
 """
 
 from dataclasses import fields, replace

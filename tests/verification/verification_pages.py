@@ -5,10 +5,13 @@ python tests/verification/verification_pages.py
 
 import ast
 import csv
+import io
 import json
 import re
 from itertools import groupby
 from pathlib import Path
+
+from ledger import tabulated
 
 HERE = Path(__file__).resolve().parent
 KEPT = HERE.parents[1] / "docs" / "verification"
@@ -62,10 +65,15 @@ Every claim about bulk and contact is compared with a closed form, a rate or ano
 of the tests, with larger sizes where a test runs a short version. A missed goal is marked as such, with its measured
 figure and the reason.
 
-`python tests/verification/draw.py` repeats the measurements, `python tests/verification/verification_pages.py` writes
-these pages from what it keeps. Only the packings of 100 and 300 discs are read from tables in
-docs/verification/packings, which `tests/verification/packings.py` makes in hours.
+On every page, *Runs* are the grids or cases where the table does not name them, *Order* is the measured order of
+convergence, and *Test* asserts the numbers. R/h is the radius over the side of a cell.
+
+`python tests/verification/draw.py` repeats all measurements and writes these pages, `draw.py hertz` those of a page;
+`python tests/verification/verification_pages.py` writes the pages from what is kept. Only the packings of 100 and 300
+discs are read from tables in docs/verification/packings, which `tests/verification/packings.py` makes in hours.
 """
+LONG = 16  # lines of a table; of a longer one its page has the least and the most
+WIDTH = 40  # characters of a cell that are read at a glance
 NUMBER = r"[+-]?\d+\.?\d*(?:e[+-]?\d+)?"
 SCALAR = re.compile(rf"(?P<label>[^\d,;]+) (?P<numbers>{NUMBER})(?P<unit>)")
 
@@ -101,33 +109,119 @@ def sizes(row):
     return row["h"] if lines and not lines.startswith(": ") else ""
 
 
+def cells(problem, label):
+    """The first two cells of a line; a part of a long problem is moved to the label."""
+    parts = re.split("([:,] )", problem)
+    for k in range(len(parts) - 2, 0, -2):
+        moved = "".join(parts[k + 1 :]) + f", {label}" * bool(label)
+        if len(problem) > WIDTH >= max(len("".join(parts[:k])), len(moved)):
+            return "".join(parts[:k]), moved
+    return problem, label
+
+
 def table(heads, rows):
     """Lines of a table of the rows, with one number in a cell."""
-    body = [[row["problem"], label, *numbers] for row in rows for label, numbers in columns(row)[1]]
     yield "| problem | | " + " | ".join(heads) + " |"
     yield "|---|---|" + "---:|" * len(heads)
-    for k, line in enumerate(body):
-        problem = "" if k and body[k - 1][0] == line[0] else line[0]
-        yield "| " + " | ".join(cell.replace("|", "\\|") for cell in [problem, *line[1:]]) + " |"
+    before = ""
+    for row in rows:
+        for label, numbers in columns(row)[1]:
+            first = cells(row["problem"], label) if row["problem"] != before else ("", label)
+            yield "| " + " | ".join(cell.replace("|", "\\|") for cell in [*first, *numbers]) + " |"
+            before = row["problem"]
 
 
-def comparisons(rows):
+def facts(row):
+    """What is said of a row below its table: sentences by kind, without those that say nothing."""
+    goal, _, verdict = re.fullmatch(r"(.*?)([:;] (met|missed))?", wanted(row)).groups()
+    said = {"Runs": sizes(row), "Reference": row["reference"], "Order": row["rate"], "Goal": goal}
+    sentences = {kind: f"{kind}: {text}." for kind, text in said.items() if text not in ("", "-")}
+    sentences |= {"verdict": f"{verdict.capitalize()}."} if verdict else {}
+    return sentences | {"Test": f"Test: `{row['test']}`."}
+
+
+def legend(rows):
+    """Lines below a table: facts of all its rows, then what differs, an item for each of them."""
+    each = [facts(row) for row in rows]
+    common = {kind: text for kind, text in each[0].items() if all(other.get(kind) == text for other in each)}
+    if "Goal" not in common:
+        common.pop("verdict", None)
+    if common:
+        yield " ".join(common.values())
+    if any(own.keys() - common.keys() for own in each):
+        yield from [""] * bool(common)
+        problems = {}
+        for own, row in zip(each, rows, strict=True):
+            text = " ".join(text for kind, text in own.items() if kind not in common)
+            problems.setdefault(text, []).append(row["problem"])
+        largest = max(problems, key=lambda text: len(problems[text]))
+        if len(problems[largest]) > 1:
+            problems[largest] = ["others"]
+            problems[largest] = problems.pop(largest)
+        yield from (f"- *{'; '.join(names)}*: {text}" for text, names in problems.items() if text)
+
+
+def extremes(row):
+    """A row of the least and the greatest number in each column of its table."""
+    heads, lines = columns(row)
+    found = {}
+    for what, choice in (("least", min), ("most", max)):
+        by_column = zip(*(numbers for _, numbers in lines), strict=True)
+        known = ([cell for cell in column if re.match(NUMBER, cell)] for column in by_column)
+        found[what] = [choice(c, key=lambda cell: float(re.match(NUMBER, cell)[0]), default="-") for c in known]
+    return row | {"error": tabulated(heads, found)}
+
+
+def tables(rows):
+    """Rows that follow each other with the same columns, those of a long table or of a text by themselves."""
+
+    def kind(k):
+        row = rows[k]
+        if columns(row) is None:
+            return tuple(facts(row).values())
+        heads = columns(row)[0]
+        same = [other for other in rows if other["test"] == row["test"]]
+        alone = is_long([other for other in same if (columns(other) or [None])[0] == heads])
+        others = {str(facts(other)) for other in rows[:k] if other["problem"] == row["problem"]} - {str(facts(row))}
+        return heads, row["test"] if alone else "", len(others)
+
+    return [[rows[k] for k in group] for _, group in groupby(range(len(rows)), kind)]
+
+
+def is_long(rows):
+    """Whether a table of these rows, each of several lines, has too many for a page."""
+    counts = [len(columns(row)[1]) if columns(row) else 0 for row in rows]
+    return min(counts) > 2 and sum(counts) > LONG and len({row["test"] for row in rows}) == 1
+
+
+def comparisons(name, rows):
     """Lines of all comparisons: tables where they have the same columns, else item by item."""
-
-    def kind(row):
-        found = columns(row)
-        return row["reference"], wanted(row), row["rate"], row["test"], found and found[0], sizes(row)
-
-    for (reference, goal, rate, test, heads, runs), group in groupby(rows, kind):
-        own = list(group)
-        if heads:
-            yield from ["", *table(heads, own), ""]
+    for own in tables(rows):
+        if columns(own[0]):
+            heads = columns(own[0])[0]
+            yield from ["", *table(heads, [extremes(row) for row in own] if is_long(own) else own), ""]
+            if is_long(own):
+                yield f"Least and most of each; all cases are in {{download}}`{long_file(name, own)}`."
         else:
             for row in own:
                 yield from ["", f"**{row['problem']}** ({row['h']}): {row['error']}", ""]
-        facts = [f"Runs: {runs}." if runs else "", f"Reference: {reference}." if reference != "-" else ""]
-        facts += [f"Order: {rate}." if rate != "-" else "", f"Goal: {goal}." if goal != "-" else ""]
-        yield " ".join(filter(None, [*facts, f"Test: `{test}`."]))
+        yield from legend(own)
+
+
+def long_file(name, rows):
+    """The file of a long table, in the folder of the pages."""
+    return f"tables/{name}_{rows[0]['test'].removeprefix('test_')}.csv"
+
+
+def long_tables(name, rows):
+    """The texts of the files of long tables, by file."""
+    found = {}
+    for own in filter(is_long, tables(rows)):
+        lines = [[row["problem"], label, *numbers] for row in own for label, numbers in columns(row)[1]]
+        text = io.StringIO()
+        csv.writer(text, lineterminator="\n").writerows([["problem", "case", *columns(own[0])[0]], *lines])
+        found[long_file(name, own)] = text.getvalue()
+    return found
 
 
 def wanted(row):
@@ -156,28 +250,29 @@ def told(rows):
     """The verdict as a sentence; goals are counted where there are some."""
     count, met, missed = verdict(rows)
     other = sum(re.match("-|shown|none|measured|plotted|about|.*(met|missed)", row["goal"]) is None for row in rows)
-    kinds = (met, "met"), (missed, "missed"), (other, "asserted by the tests")
+    kinds = (met, "met"), (other, "asserted by the tests"), (missed, "missed")
     goals = ", ".join(f"{number} {what}" for number, what in kinds if number)
-    return f"{count} comparison{'s' * (count > 1)}" + (f"; goals: {goals}." if goals else ", without goals.")
+    end = ":" if missed else "."
+    return f"{count} comparison{'s' * (count > 1)}" + (f"; goals: {goals}{end}" if goals else ", without goals.")
 
 
 def page(name, title, rows, captions):
     """The page of a module: what was found, tables of it, pictures, and how it was measured."""
     text = (HERE / f"test_{name}.py").read_text()
     answer, _, details = ast.get_docstring(ast.parse(text)).partition("\n\n")
+    rows = [row | {"problem": row["problem"].removeprefix(f"{title}, ")} for row in rows]
     lines = [f"# {title}", "", answer, "", told(rows), ""]
-    if missed := reasons(rows):
-        lines += ["Missed:", "", *missed, ""]
-    lines += ["## Comparisons", *comparisons(rows), ""]
+    lines += [*missed, ""] if (missed := reasons(rows)) else []
+    lines += ["## Comparisons", *comparisons(name, rows), ""]
     for file, caption in captions.items():
-        lines += [f"![{caption.split('. ')[0]}]({file})", "", f"*{caption}*", ""]
-    lines += ["## How it is measured", "", *([details, ""] if details else [])]
-    lines += [f"`python tests/verification/draw.py {name}` repeats the measurements."]
-    return "\n".join(lines) + "\n"
+        lines += [f"![{re.split('[.:,;] | [(]', caption)[0].rstrip('.')}]({file})", "", f"*{caption}*", ""]
+    lines += ["## How it is measured", "", details, ""] if details else []
+    return "\n".join(lines).rstrip("\n") + "\n"
 
 
 def write():
     """Write all pages and their index."""
+    (KEPT / "tables").mkdir(exist_ok=True)
     index = [HEAD]
     for group, modules in GROUPS.items():
         index += [f"## {group}", "", "| phenomenon | comparisons | goals met | missed |", "|---|---:|---:|---:|"]
@@ -186,7 +281,8 @@ def write():
             with (KEPT / f"{name}.csv").open(newline="") as file:
                 rows = list(csv.DictReader(file))
             captions = json.loads((KEPT / f"{name}.json").read_text())
-            (KEPT / f"{name}.md").write_text(page(name, title, rows, captions))
+            for file, text in {f"{name}.md": page(name, title, rows, captions), **long_tables(name, rows)}.items():
+                (KEPT / file).write_text(text)
             count, *goals = verdict(rows)
             shown = [count, *(goals if any(goals) else "--")]
             index.append(f"| [{title}]({name}.md) | " + " | ".join(map(str, shown)) + " |")
