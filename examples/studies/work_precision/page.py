@@ -56,7 +56,7 @@ def write(study: Path, docs: Path) -> None:
     keep(found, folder / "results.csv")
     for name in ("fronts", "parameters", "codes"):
         getattr(figures, name)(found, folder / f"{name}.png")
-    settings = beating(found)
+    settings, slopes = beating(found), tables.slopes(found)
     files = {
         "scenes": tables.ran(found),
         "counts": tables.counts(found),
@@ -64,6 +64,7 @@ def write(study: Path, docs: Path) -> None:
         "beating": tables.beating(settings),
         "parameters": tables.parameters(found),
         "codes": tables.codes(found),
+        "slopes": slopes,
     }
     pages.keep(folder, files)
     parts = [
@@ -72,7 +73,7 @@ def write(study: Path, docs: Path) -> None:
         ("## What an error costs", TEXT["prices"], tables.priced(found)),
         ("## Who beats `balanced`", tables.beaters(found, settings)),
         ("## One parameter at a time", TEXT["parameters"], "![Resolution](work_precision/parameters.png)"),
-        ("## What limits accuracy", TEXT["limits"], tables.limits(found)),
+        ("## What limits accuracy", TEXT["limits"], tables.limits(slopes)),
         ("## Laws of the error", TEXT["laws"], tables.laws(found)),
         (
             "## Beside explicit finite elements",
@@ -91,22 +92,22 @@ def download(name: str) -> str:
 
 
 TEXT = {
-    "files": f"All runs are in {download('results')}, what has been run and the floors in {download('scenes')}.",
+    "files": f"All runs are in {download('results')}, their numbers and the floors in {download('scenes')}.",
     "presets": "Errors and costs, mean over the positions on the grid. Counts of steps, iterations and unknowns are"
-    f" in {download('counts')}; there `work` is unknowns times half bandwidth squared, of all factorisations.",
-    "prices": f"The cost of the cheapest of all runs within an error, lucky ones among them ({download('prices')} has"
-    " their settings).",
-    "parameters": f"{download('parameters')} has the error of each level, and its cost over that of the default."
-    f" {download('beating')} has the settings that beat `balanced`.",
-    "limits": r"The slopes $d \ln(\text{error}) / d \ln(\text{parameter})$ at the presets, for h, dt, spacing and"
-    " `contact_tol`.",
+    f" in {download('counts')}.",
+    "prices": "The cost of the cheapest run within an error, lucky ones included"
+    f" ({download('prices')} has settings).",
+    "parameters": f"Errors and costs are in {download('parameters')}, settings that beat `balanced` in"
+    f" {download('beating')}.",
+    "limits": r"The parameter with the largest slope $d \ln(\text{error}) / d \ln(\text{parameter})$ at each preset;"
+    f" {download('slopes')} has the slopes of h, dt, spacing and `contact_tol`.",
     "laws": r"The law is $\text{error} = c\, n^{-p} + d\, s$ with n = R/h and R the radius of the smallest body."
     " The step s is dt c / R or, where a lid drives, its displacement over R. The law is fitted to all runs that"
-    " differ from `balanced` in R/h, spacing and dt only; the second d is fitted to the lids. `skmpm.suggest` uses"
-    " the constants on the right. Its c of packings is that of a square array of equal discs, whose errors do not"
-    " cancel (`test_promises`). The last columns are how well the law fits.",
-    "codes": "Cost of finite elements over that of this library, the cheapest run of each within an error; - where"
-    f" one of them does not reach it ({download('codes')} has both).",
+    " differ from `balanced` in R/h, spacing and dt only, the d of packings to the lids. `skmpm.suggest` uses the"
+    " constants on the right. Its c of packings is that of a square array of equal discs, whose errors do not cancel"
+    " (`test_promises`). The last columns are how well the law fits.",
+    "codes": "Cost of finite elements over that of this library, by the cheapest run of each within an error, if both"
+    f" reach it ({download('codes')}).",
 }
 
 

@@ -140,8 +140,9 @@ def beaters(found: Found, settings: list[Beating]) -> str:
     several = [b for b in settings if len(b.ratios) > 1]
     good: list[bool | None] = [None if not found.why(s, "sample") else True for s in SCENES] + [not several]
     goal = f"No setting beats `balanced` by more than {MARGIN} on more than one scene: {verdict(good)}."
-    by_scene = [(scene, str(sum(scene in b.ratios for b in settings))) for scene in SCENES]
-    return f"{goal} {len(several)} do.\n\n" + table(("scene", "settings that beat it"), by_scene)
+    by_scene = {scene: sum(scene in b.ratios for b in settings) for scene in SCENES}
+    alone = ", ".join(f"{count} on `{scene}`" for scene, count in by_scene.items() if count) or "none"
+    return f"{goal} {len(several)} do. Settings that beat it on a scene: {alone}."
 
 
 def beating(settings: list[Beating]) -> list[Line]:
@@ -177,23 +178,31 @@ def relative(run: Run | None, balanced: Run | None) -> Line:
     return percent(run), number(run.seconds / balanced.seconds) if np.isfinite(run.error) else ""
 
 
-def limits(found: Found) -> str:
-    """Slopes at the presets, and what has the largest."""
-    lines = []
+def slopes(found: Found) -> list[Line]:
+    """Slopes at the presets, and what has the largest, the header first."""
+    lines: list[Line] = [("scene", "preset", "h", "dt", "spacing", "contact_tol", "steepest")]
     for scene in SCENES:
         for preset in PRESETS:
-            slopes = {parameter: slope(found, scene, preset, parameter) for parameter in SLOPES}
-            known = {parameter: abs(s) for parameter, s in slopes.items() if np.isfinite(s) and abs(s) > INFLUENCE}
+            by_parameter = {parameter: slope(found, scene, preset, parameter) for parameter in SLOPES}
+            known = {
+                parameter: abs(s) for parameter, s in by_parameter.items() if np.isfinite(s) and abs(s) > INFLUENCE
+            }
             most = max(known, key=lambda d: known[d]) if known else "-"
             lines.append(
                 (
                     scene,
                     preset,
-                    *(number(0.0 if abs(s) < 0.005 else s) for s in slopes.values()),
+                    *(number(0.0 if abs(s) < 0.005 else s) for s in by_parameter.values()),
                     {"cells": "h"}.get(most, most),
                 )
             )
-    return table(("scene", "preset", "h", "dt", "spacing", "contact_tol", "steepest"), lines)
+    return lines
+
+
+def limits(lines: list[Line]) -> str:
+    """What has the largest slope, by scene and preset."""
+    steepest = {line[:2]: line[-1] for line in lines[1:]}
+    return table(("scene", *PRESETS), [(scene, *(steepest[scene, preset] for preset in PRESETS)) for scene in SCENES])
 
 
 def laws(found: Found) -> str:
