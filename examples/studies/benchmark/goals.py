@@ -102,7 +102,7 @@ def _bulk_goals(found: Results) -> Iterator[Line]:
     for law, goal in FREE.items():
         r = found.all.get(f"free_{law}")
         if r is not None:
-            what = f"step without contact, {r['discs']} {law} discs, {r['newton']:.1f} Newton iterations"
+            what = f"{r['discs']} free {law}, {r['newton']:.1f} iterations"
             yield _in_lu(what, r["step"], r, goal)
 
 
@@ -110,18 +110,18 @@ def _contact_goals(found: Results) -> Iterator[Line]:
     rough, smooth = (found.dense(found.main, found.cells, mu) for mu in (found.friction, 0.0))
     if rough is None:
         return
-    what = f"dense step with friction, {rough['discs']} discs, one thread, all its Newton iterations"
+    what = f"dense step with friction, {rough['discs']} discs"
     yield what, "-", f"{per_lu(rough['step'], rough)[0]} LU (0.1: {BEFORE:g})", "shown"
-    what = f"Newton iteration of a dense step with friction, {rough['discs']} discs"
+    what = "its Newton iteration"
     yield _in_lu(f"{what}, one thread", rough["step"] / rough["newton"], rough, DENSE)
     if rough.get("cores", 1) > 1:
-        cores = f"{rough['cores']} threads, wall time"
+        cores = f"{rough['cores']} threads, wall"
         yield _in_lu(f"{what}, {cores}", rough["wall_threaded"] / rough["newton"], rough, DENSE_ON_TWO)
     share = rough["contact_phases"] / rough["step"]
     yield "contact phases, share of that step", "0.70", f"{share:.2f}", verdict(share, 0.7)
     if smooth is not None and smooth is not rough:
         more = rough["contact_phases"] / smooth["contact_phases"]
-        yield "contact phases with friction, over those without", "1.5", f"{more:.2f}", verdict(more, 1.5)
+        yield "the same with friction over without", "1.5", f"{more:.2f}", verdict(more, 1.5)
 
 
 def _growth_goals(found: Results) -> Iterator[Line]:
@@ -131,9 +131,9 @@ def _growth_goals(found: Results) -> Iterator[Line]:
     many = [r for r in found.growth if r["discs"] <= LARGE][-1]
     slower = per_point(many) / per_point(few)
     sizes = f"{many['discs']} discs over {few['discs']}"
-    yield f"time per point and step, {sizes}", f"{SLOWER:g}", f"{slower:.2f}", verdict(slower, SLOWER)
+    yield f"time per point, {sizes}", f"{SLOWER:g}", f"{slower:.2f}", verdict(slower, SLOWER)
     share = many["memory"] / allowed(many)
-    what = f"memory of {many['discs']} discs above that after import, over 0.4 MB a disc + 1.2 kB a point"
+    what = f"memory of {many['discs']} discs over that allowed"
     yield what, "1", f"{share:.2f}", verdict(share, 1.0)
     largest = found.growth[-1]
     if largest["discs"] >= 10_000:
@@ -145,7 +145,7 @@ def _large_goals(found: Results) -> Iterator[Line]:
     large = [r for r in found.single if r["unknowns"] >= 1e4]
     if large:
         most = [max(r[name]["iterations"] for name in STEPS) for r in large]
-        what = f"iterations of linear.amg, {large[0]['unknowns']:.1e} to {large[-1]['unknowns']:.1e} unknowns"
+        what = f"amg iterations, {large[0]['unknowns']:.1e}-{large[-1]['unknowns']:.1e} unknowns"
         yield what, "40", f"{min(most)} to {max(most)}", verdict(max(most), 40)
 
 
@@ -153,7 +153,7 @@ def _memory_goals(found: Results) -> Iterator[Line]:
     r = found.all.get("memory")
     if r is not None:
         more = r["late"] - r["early"]
-        what = f"memory after {r['steps']} steps, over that after {r['steps'] // 10} and {r['steps'] // 2}"
+        what = f"memory, {r['steps']} steps over {r['steps'] // 10} and {r['steps'] // 2}"
         measured = f"{r['late'] / r['early']:.3f}, {r['late'] / r['middle']:.3f}"
         yield what, "1.02", measured, verdict(more, 0.02 * r["early"])
 
