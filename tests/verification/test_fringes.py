@@ -95,7 +95,7 @@ def _row(loads):
         f"fringes, a disc under {loads} radial loads",
         "point forces",
         "R/h = " + numbers(SIZES),
-        f"at the centre {numbers(centre)} %, rms within 0.6 R {numbers(inside)} %",
+        f"at the centre {numbers(centre)} %; rms within 0.6 R {numbers(inside)} %",
         "-",
         asked + ("met" if met else missed) if loads == 2 else "-",
         "test_a_disc_under_a_diametral_load" if loads == 2 else "test_discs_with_more_contacts",

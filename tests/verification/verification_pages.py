@@ -180,7 +180,7 @@ def tables(rows):
         if columns(row) is None:
             return tuple(facts(row).values())
         heads = columns(row)[0]
-        same = [other for other in rows if other["test"] == row["test"]]
+        same = [other for other in rows if facts(other) == facts(row)]
         alone = is_long([other for other in same if (columns(other) or [None])[0] == heads])
         others = {str(facts(other)) for other in rows[:k] if other["problem"] == row["problem"]} - {str(facts(row))}
         return heads, row["test"] if alone else "", len(others)
@@ -189,9 +189,9 @@ def tables(rows):
 
 
 def is_long(rows):
-    """Whether a table of these rows, each of several lines, has too many for a page."""
+    """Whether a table of these rows, each of several lines and with the same legend, has too many for a page."""
     counts = [len(columns(row)[1]) if columns(row) else 0 for row in rows]
-    return min(counts) > 2 and sum(counts) > LONG and len({row["test"] for row in rows}) == 1
+    return min(counts) > 2 and sum(counts) > LONG and all(facts(row) == facts(rows[0]) for row in rows)
 
 
 def comparisons(name, rows):
@@ -265,7 +265,7 @@ def page(name, title, rows, captions):
     lines += [*missed, ""] if (missed := reasons(rows)) else []
     lines += ["## Comparisons", *comparisons(name, rows), ""]
     for file, caption in captions.items():
-        lines += [f"![{re.split('[.:,;] | [(]', caption)[0].rstrip('.')}]({file})", "", f"*{caption}*", ""]
+        lines += [f"![{re.split('[.:;] | [(]', caption)[0].rstrip('.')}]({file})", "", f"*{caption}*", ""]
     lines += ["## How it is measured", "", details, ""] if details else []
     return "\n".join(lines).rstrip("\n") + "\n"
 
