@@ -30,16 +30,14 @@ from . import scenes
 from .scenes import DT, Variant
 
 WARM = 2  # steps before those that are counted and timed
-HEAD = """`python -m examples.studies.feature_cost` measures this (here in {seconds:.0f} s of one core). Both variants
-of a line start from the same state where they can. {repeats} steps are counted; in another run they are timed, on and
-off in turn. The packing is {discs} discs of R/h = {cells:g} at a nominal solid fraction of 0.85, friction 0.5,
-between smooth planes, 8 us a step. The disc, of R/h = {large:g}, is alone and swings by 1 %, or is squeezed between
-two smooth planes. Material is NeoHookean where nothing else is said.
+HEAD = """`python -m examples.studies.feature_cost` measures this (here in {seconds:.0f} s of one core).
+{repeats} steps are counted and, in another run, timed, on and off in turn. The packing is {discs} NeoHookean discs of
+R/h = {cells:g} at a nominal solid fraction of 0.85, friction 0.5. The disc of R/h = {large:g} swings by 1 %, or is
+squeezed between two smooth planes.
 
-The table has the features that change the time of a step by a factor of {large_change:g} or more: the median ratio of
-processor times with and without. The disc against itself gives {still}.
-{{download}}`features.csv <work_precision/features.csv>` has all features with quartiles and counts, and the tests
-that hold what is not done without them.
+The table has median ratios of processor times with and without a feature, if they differ by a factor of
+{large_change:g} or more. The disc against itself gives {still}.
+{{download}}`features.csv <work_precision/features.csv>` has all features with quartiles, counts and tests.
 """
 LARGE = 1.2  # ratio of times from which on a feature is on the page
 FILE = ("feature", "scene", "not done when off", "in a step, on / off", "time on / off", "lower quartile",
