@@ -85,3 +85,5 @@ def test_cells_of_long_problems_are_split():
     long = "disc rolls on 0.5 degrees, E = 1e+06 Pa: acceleration"
     assert cells(long, "R/h = 5") == ("disc rolls on 0.5 degrees, E = 1e+06 Pa", "acceleration, R/h = 5")
     assert cells("x" * 50, "") == ("x" * 50, "")
+    cut = "manufactured square, cut at (0.3, 0.45) h"
+    assert cells(cut, "velocity") == ("manufactured square", "cut at (0.3, 0.45) h, velocity")

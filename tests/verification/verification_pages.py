@@ -113,9 +113,10 @@ def cells(problem, label):
     """The first two cells of a line; a part of a long problem is moved to the label."""
     parts = re.split("([:,] )", problem)
     for k in range(len(parts) - 2, 0, -2):
-        moved = "".join(parts[k + 1 :]) + f", {label}" * bool(label)
-        if len(problem) > WIDTH >= max(len("".join(parts[:k])), len(moved)):
-            return "".join(parts[:k]), moved
+        kept, moved = "".join(parts[:k]), "".join(parts[k + 1 :]) + f", {label}" * bool(label)
+        whole = kept.count("(") == kept.count(")") and kept.count("$") % 2 == 0
+        if whole and len(problem) > WIDTH >= max(len(kept), len(moved)):
+            return kept, moved
     return problem, label
 
 
