@@ -93,7 +93,7 @@ def settle(increment: Increment, problem_at: Problems, kept: Factor | None, time
         problem = None if problem is None else problem.after(found.contact)
     if not solved:
         raise StepRejected("all bodies", f"no solve of {MAX_SOLVES} succeeds, whatever the metric")
-    body = int(np.argmax(travelled))
+    body = int(np.argmax(np.where(travelled > FARTHEST, travelled, change.share)))
     raise no_equilibrium(increment, motion, solved[-1], len(solved), body, float(change.share[body]))
 
 
