@@ -181,13 +181,10 @@ class Constraints:
         where the contact slides. With other directions, and other weights of `sliding`, these are the rows in which
         a force acts that moves along both outlines.
         """
-        slide = components(self.difference[chosen], self.tangent[:, chosen])
-        own, other = (
-            components(shares[chosen], direction)
-            for shares in (self.geometry.own_shares, self.geometry.tangent_shares)
-        )
-        factor = self.geometry.along[chosen] * self.spread[chosen]
-        bend = sp.diags_array(factor * self.geometry.curvature[chosen] * sliding)
+        slide, at = components(self.difference[chosen], self.tangent[:, chosen]), self.geometry
+        own, other = (components(shares[chosen], direction) for shares in (at.own_shares, at.tangent_shares))
+        factor = at.along[chosen] * self.spread[chosen]
+        bend = sp.diags_array(factor * at.curvature[chosen] * sliding)
         return sp.csr_array(own - sp.diags_array(factor) @ other - bend @ slide)
 
     @cached_property

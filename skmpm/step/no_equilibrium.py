@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from skmpm.arrays import Array
 from skmpm.contact import Constraints
 from skmpm.outline.curve import CORNER_COSINE
 from skmpm.step.equations import Increment
@@ -12,12 +13,17 @@ from skmpm.step.newton import Solution
 from skmpm.step.rotation import RigidMotion
 
 
+def travel(increment: Increment, motion: RigidMotion, velocity: Array) -> Array:
+    """How far surfaces move by the rigid motions of bodies at nodal velocities (2 nodes,), (bodies,) [cells]."""
+    return increment.dt / increment.grid.cell * motion.at_surface(motion.velocity(velocity))
+
+
 def no_equilibrium(
     increment: Increment, motion: RigidMotion, solution: Solution, solves: int, body: int, share: float
 ) -> StepRejected:
     """The error that says how a body moves after some solves, a `share` of the forces on it out of balance."""
     step = increment.on_nodes(solution.w) - increment.prescribed_only()
-    moved = increment.dt / increment.grid.cell * motion.at_surface(motion.velocity(step))[body]
+    moved = travel(increment, motion, step)[body]
     verb, remedy = _motion(increment, motion, solution, body)
     problem = (
         f"no equilibrium was found: it {verb}, by {moved:.2g} cells in {solves} solves so far, and"

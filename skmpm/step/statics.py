@@ -25,7 +25,7 @@ from skmpm.step.equations import Increment
 from skmpm.step.errors import StepRejected
 from skmpm.step.factor import Factor
 from skmpm.step.newton import Solution, advance
-from skmpm.step.no_equilibrium import no_equilibrium
+from skmpm.step.no_equilibrium import no_equilibrium, travel
 from skmpm.step.rotation import RigidMotion
 from skmpm.step.terms import Configuration
 
@@ -85,7 +85,7 @@ def settle(increment: Increment, problem_at: Problems, kept: Factor | None, time
             return _equilibrium(trial, change, solved)
         if not settled:
             relative = increment.on_nodes(w) - increment.prescribed_only()
-            travelled = np.where(metric.held, 0.0, _moved(increment, motion, relative) - stroke / increment.grid.cell)
+            travelled = np.where(metric.held, 0.0, travel(increment, motion, relative) - stroke / increment.grid.cell)
             if travelled.max() > FARTHEST:
                 break
             metric.adapt(moved)
@@ -95,11 +95,6 @@ def settle(increment: Increment, problem_at: Problems, kept: Factor | None, time
         raise StepRejected("all bodies", f"no solve of {MAX_SOLVES} succeeds, whatever the metric")
     body = int(np.argmax(np.where(travelled > FARTHEST, travelled, change.share)))
     raise no_equilibrium(increment, motion, solved[-1], len(solved), body, float(change.share[body]))
-
-
-def _moved(increment: Increment, motion: RigidMotion, velocity: Array) -> Array:
-    """How far surfaces move by the rigid motions of bodies at nodal velocities (2 nodes,), (bodies,) [cells]."""
-    return increment.dt / increment.grid.cell * motion.at_surface(motion.velocity(velocity))
 
 
 def _widened(contact: ContactIterate | None) -> bool:
@@ -201,7 +196,7 @@ class _Change:
         noise = increment.round_off(solution.w, configuration) / increment.scheme.newton_tol
         exchanged = sum(abs(float(term @ w)) for term in terms)
         return _Change(
-            _moved(increment, motion, step),
+            travel(increment, motion, step),
             np.abs(motion.resultants(lack)).max(axis=0) / np.maximum(forces, max(forces.mean(), noise)),
             float(np.linalg.norm(lack)) / max(*(float(np.linalg.norm(term)) for term in terms), noise),
             float(lack @ step) / max(exchanged, noise * float(np.linalg.norm(w)), 1e-300),
