@@ -17,11 +17,10 @@ class Energy:
     kinetic : energy of the nodal velocities, in a periodic box relative to its motion at the centres of bodies, of
         free rigid bodies and, with inertia, of walls that a force or a pressure drives
     elastic : including the ghost penalty, and what hardening of materials stores
-    external : work of gravity, loads, supports, moving ends of springs; of walls, or of the force or pressure that
-        drives them; of a periodic box, by contacts across its edges and on bodies that move relative to it. With
-        inertia, by the forces at t + theta dt, on which the step is based: with long steps of slow motion and
-        theta = 1 larger than by the trapezoidal rule, by a tenth in 15 steps, by a third to a half in three, over
-        cycles of loading by more
+    external : work of gravity, loads, supports, moving ends of springs, and walls, or what drives them; of a periodic
+        box by contacts across its edges and on bodies that move relative to it. With inertia forces are those at
+        t + theta dt: with theta = 1 the work of a load that grows slowly in n equal steps is larger than by the
+        trapezoidal rule by 1/n
     push_out : work of contacts that remove an overlap of an earlier step
     cohesion : work of cohesive contacts on gaps that close, negative where they open
     regridding : change of the points' energy by regridding
