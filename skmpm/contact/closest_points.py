@@ -31,7 +31,7 @@ from skmpm.contact.feet import foot_of, nearest_of_group
 from skmpm.contact.neighbours import Neighbours
 from skmpm.contact.projection import MAX_DEPTH
 from skmpm.contact.rows import among, joined
-from skmpm.contact.shifts import NO_SHIFTS, Shifts, guarded
+from skmpm.contact.shifts import Shifts, guarded
 from skmpm.outline import Cubics, Loops, tangent
 from skmpm.scene import Contacts, Scene, between_bodies, pair_numbers
 
@@ -57,7 +57,7 @@ def closest_points(
     may `slide` with the iterate.
     """
     if near.point.size == 0 and walls.size == 0:
-        return NO_SHIFTS
+        return Shifts.none()
     reference = scene.initial_positions[:, ahead.curve.outlines.point]
     found = [_on_wall(scene, near, i, point, ahead, reference) for i, point in enumerate(walls)]
     if near.point.size:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -12,7 +12,7 @@ from skmpm.arrays import Array, Bools, Ints
 from skmpm.contact.constraints import lookup
 from skmpm.contact.keys import guard_keys, lattice_code
 from skmpm.contact.self_contact import SelfContact
-from skmpm.contact.shifts import NO_SHIFTS, Shifts
+from skmpm.contact.shifts import Shifts
 from skmpm.outline import Cubics, Curve, Images
 from skmpm.scene import Scene
 
@@ -41,6 +41,11 @@ class Tension:
     key: Ints  # (n,) identities of contacts
     strength: Array  # (n,) largest tensions [N/m]
 
+    @classmethod
+    def none(cls) -> Tension:
+        """No contact bears tension."""
+        return cls(np.zeros(0, dtype=np.int64), np.zeros(0))
+
     def strength_of(self, key: Ints) -> Array:
         """Largest tensions (k,) [N/m] of the contacts with keys (k,)."""
         return lookup(self.key, self.strength, key, 0.0)
@@ -48,9 +53,6 @@ class Tension:
     def holds(self, key: Ints) -> Bools:
         """Whether contacts with keys (k,), or their second ones at the boundary points, bear tension."""
         return np.isin(key, np.maximum(self.key, guard_keys(self.key)))
-
-
-NO_TENSION = Tension(np.zeros(0, dtype=np.int64), np.zeros(0))
 
 
 @dataclass(frozen=True)
@@ -67,8 +69,8 @@ class Neighbours:
     begins: Ints  # (groups,) first candidate of each group, those of a point on one side
     corner_pairs: Ints  # (2, k) pairs of convex corners of two bodies, or of parts of one
     own: SelfContact
-    shifts: Shifts = NO_SHIFTS  # to the closest points of the curves
-    tension: Tension = NO_TENSION
+    shifts: Shifts = field(default_factory=Shifts.none)  # to the closest points of the curves
+    tension: Tension = field(default_factory=Tension.none)
     facing: Cubics | None = None  # outlines by which points face a side or not; those at the start if none
 
     @cached_property

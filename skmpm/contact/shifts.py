@@ -24,6 +24,11 @@ class Shifts:
     travel: Array  # (n,) along the outline per slope of the gap there [m]; 0 where places are fixed in a step
     wide_from: Array  # (n,) [N/m] normal force between the bodies that makes a contact too wide to slide
 
+    @classmethod
+    def none(cls) -> Shifts:
+        """No shifts: all contact points are boundary points."""
+        return cls(np.zeros(0, dtype=np.int64), *np.zeros((4, 0)))
+
     def at_keys(self, key: Ints) -> Array:
         """Shifts (k,) of the contacts with keys (k,)."""
         return lookup(self.key, self.shift, key, 0.0)
@@ -43,9 +48,6 @@ class Shifts:
         contact has prevented: its removal would be work on the bodies.
         """
         return lookup(self.key, self.sagitta, key, 0.0)
-
-
-NO_SHIFTS = Shifts(np.zeros(0, dtype=np.int64), *np.zeros((4, 0)))
 
 
 def guarded(shift: Array) -> Bools:

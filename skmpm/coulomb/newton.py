@@ -26,7 +26,7 @@ from scipy.sparse.linalg import splu
 from skmpm.arrays import EXACT, Array
 from skmpm.compiled import compiled
 from skmpm.coulomb.krylov import TOLERANCE, NotConvergedError, by_incomplete_factor, by_known_factor
-from skmpm.coulomb.problem import OPEN, SLIP_MINUS, SLIP_PLUS, SLIP_SIGN, STICK, Iterate, Problem, is_sparse, split
+from skmpm.coulomb.problem import OPEN, SLIP_MINUS, SLIP_PLUS, STICK, Iterate, Problem, is_sparse, split
 
 States: TypeAlias = NDArray[np.int8]
 
@@ -154,7 +154,7 @@ def _active(p: Problem, state: States) -> tuple[NDArray[np.intp], NDArray[np.int
     column, factor = np.maximum(np.cumsum(free) - 1, 0), free.astype(np.float64)
     slipping = np.flatnonzero(state >= SLIP_PLUS)
     column[stride * slipping + 1] = column[stride * slipping]
-    factor[stride * slipping + 1] = (SLIP_SIGN[state] * p.mu)[slipping]
+    factor[stride * slipping + 1] = np.where(state == SLIP_MINUS, -p.mu, p.mu)[slipping]
     return np.flatnonzero(free), column, factor
 
 

@@ -13,7 +13,6 @@ from skmpm.arrays import EXACT, Array
 from skmpm.compiled import compiled
 
 OPEN, STICK, SLIP_PLUS, SLIP_MINUS = range(4)  # states of a contact; r_t = +-mu r_n where it slips
-SLIP_SIGN = np.array([0.0, 0.0, 1.0, -1.0])  # sign of r_t for each state
 Matrix: TypeAlias = Any  # dense or CSR, with @
 Ints: TypeAlias = NDArray[np.integer]
 

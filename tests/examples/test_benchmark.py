@@ -13,7 +13,7 @@ import pytest
 import skmpm
 from examples.studies.benchmark import crossover, large, measure, scenes, study
 from examples.studies.pages import DOCS
-from skmpm.contact.shifts import NO_SHIFTS
+from skmpm.contact.shifts import Shifts
 from skmpm.parallel import available
 
 
@@ -26,7 +26,7 @@ def test_images_move_as_the_tile(monkeypatch, tmp_path):
     image show as 1e-3 and more.
     """
     # Closest points are known to 1e-3 of a segment, and by so much the normals there differ from that of a wall.
-    monkeypatch.setattr("skmpm.contact.boundary.closest_points", lambda *_, slide: NO_SHIFTS)
+    monkeypatch.setattr("skmpm.contact.boundary.closest_points", lambda *_, slide: Shifts.none())
     scene, state = scenes.squeezed(10, 3.0, 0.3, tmp_path)
     assert scenes.fraction(scene, state) == pytest.approx(scenes.SQUEEZED, rel=1e-9)
     after, (whole, images) = state, scenes.tiled(scene, state, 3, 2)
