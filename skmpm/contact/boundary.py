@@ -35,7 +35,7 @@ from skmpm.scene import PrescribedVelocities, Scene, SceneError, State, prescrib
 
 # Fraction of an initial overlap that a step removes: gradually, since all at once ejects the bodies. In dynamic steps
 # shorter than waves take to cross a cell it is as much smaller: velocities would be overlaps over dt.
-PUSH_OUT = 0.2
+PUSH_OUT = 0.2  # with 0.1 and 0.4 test_preflight fails
 
 
 def point_to_curve(

@@ -20,10 +20,6 @@ from skmpm.contact.rows import joined
 from skmpm.grid import BodyGrids, build_grids
 from skmpm.scene import PrescribedVelocities, Scene, SceneError, State, centres, prescribed_velocities
 
-# Thickness of a wall made of material points [cells]: points in front of it share nodes less than one cell behind its
-# surface with it, and these nodes receive mass from points less than two cells deep.
-WALL_THICKNESS = 2.0
-
 
 @dataclass(frozen=True)
 class _Nodes:
@@ -114,8 +110,12 @@ def _rigid(scene: Scene, state: State, cell: float, motions: Array) -> _Nodes:
 
 
 def _walls(scene: Scene, state: State, cell: float, velocity: Array) -> _Nodes:
-    """Nodes of walls: slabs of rigid material points, four per cell, that exceed the bodies by three cells."""
-    spacing, layers = 0.5 * cell, round(2 * WALL_THICKNESS)
+    """Nodes of walls: slabs of rigid material points, four per cell, that exceed the bodies by three cells.
+
+    They are two cells thick: points in front of a wall share nodes less than one cell behind its surface with it, and
+    these nodes receive mass from points less than two cells deep.
+    """
+    spacing, layers = 0.5 * cell, 4
     parts, owner = [], []
     for i, normal in enumerate(scene.normals.T):
         tangent = np.array([-normal[1], normal[0]])

@@ -10,7 +10,7 @@ from skmpm.arrays import Array, Ints
 from skmpm.outline import Images
 from skmpm.scene import PrescribedVelocities, Scene, State, centres, mean_velocity
 
-# [cells]; a point that approaches further within a Newton iteration is detected in the next one.
+# [cells]; a point that approaches further within a Newton iteration is detected in the next one (test_contact).
 DETECTION_DISTANCE = 0.25
 
 

@@ -14,7 +14,7 @@ from skmpm.step.errors import StepRejected, pair
 from skmpm.step.statics import TOO_FAR
 from skmpm.step.terms import Budget
 
-MAX_WALL_PENETRATION = 0.05  # [cells]
+MAX_WALL_PENETRATION = 0.05  # [cells] (test_acceptance)
 UNRESOLVED_FOLD = 2.0  # [cells] of outline between crossing segments: a shorter fold is hardly resolved by the grid
 FOLDS = "it folds there: use smaller loads, a finer cell or rounder corners"
 PASSES = "use a smaller dt, or a smaller cell if these parts were less than a cell apart at the start"

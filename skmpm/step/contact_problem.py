@@ -28,7 +28,7 @@ from skmpm.step.scalar_unknowns import RESPONSE, driven
 
 # [cells] Largest gap of a candidate contact. Candidates are selected in every iteration: a contact that an iteration
 # closes from a larger gap is one in the next. Twice of it gives packings of 300 discs 1.1 to 1.35 times as many rows;
-# they take as many iterations with twice and with half of it.
+# they take as many iterations with twice and with half of it (test_punch).
 MAX_CANDIDATE_GAP = 0.08
 # [cells] Largest penetration of a supported point, a fifth of what is accepted at walls (test_supports).
 MAX_SUPPORTED_PENETRATION = 0.01
