@@ -14,7 +14,8 @@ from skmpm.coulomb.problem import Bilateral, Iterate, Matrix, Problem, is_sparse
 
 # Weight of the proximal term over diag(W~), which is one: at first, and its factors after success and failure. Larger
 # first weights and slower decreases take longer; smaller weights leave problems of rigid bodies unsolved. The least
-# is `EXACT`: with less the impulses of a jam become so large that their residual is lost in round-off.
+# is `EXACT`: with less the impulses of a jam become so large that their residual is lost in round-off. With half
+# of any factor, here and below, or of the limit test_contact_solver fails.
 FIRST_WEIGHT, WEIGHT_DECREASE, WEIGHT_INCREASE = 1.0, 0.3, 5.0
 REDUCTION = 0.7  # factor by which each proximal problem must reduce the residual; with 1 a fifth is unsolved
 STALL_LIMIT = 150  # stop when this many Newton steps have not halved the residual
