@@ -12,13 +12,12 @@ from skmpm.scene import MAX_OVERLAP, TOUCHING, Scene, State, centres, fitted_mot
 from skmpm.scheme import Scheme
 from skmpm.step.errors import StepRejected, pair
 from skmpm.step.statics import TOO_FAR
-from skmpm.step.terms import Budget
+from skmpm.step.terms import ENERGY_TOLERANCE, Budget
 
 MAX_WALL_PENETRATION = 0.05  # [cells] (test_acceptance)
 UNRESOLVED_FOLD = 2.0  # [cells] of outline between crossing segments: a shorter fold is hardly resolved by the grid
 FOLDS = "it folds there: use smaller loads, a finer cell or rounder corners"
 PASSES = "use a smaller dt, or a smaller cell if these parts were less than a cell apart at the start"
-ENERGY_TOLERANCE = 5e-7  # over the largest energy: gain by tolerances and round-off
 # Over the energy exchanged in a step (`_exchanged`): gain by negative curvature of the potential. A body that rotates
 # on what it is pressed on meets it up to a rotation of 0.02 to 0.04 rad.
 CURVATURE_TOLERANCE = 0.01

@@ -28,12 +28,12 @@ from skmpm.grid import BodyGrids
 from skmpm.scene import Scene, State, centres
 from skmpm.scheme import Scheme
 from skmpm.step.forces import DeadLoad
-from skmpm.step.terms import Term
+from skmpm.step.terms import ENERGY_TOLERANCE, Term
 
 # [rad] Largest rotation in a step of other bodies with the condition: it keeps the angular momentum about the centre
-# at the start of the step, so that the energy of rotation grows by a quarter of the square of this angle, which is
-# below the tolerance of the energy check (`step.acceptance`).
-MAX_ANGLE = 1e-3
+# at the start of the step, so that the energy of rotation grows by a quarter of the square of this angle, half of the
+# tolerance.
+MAX_ANGLE = float(np.sqrt(2.0 * ENERGY_TOLERANCE))
 
 
 @dataclass(frozen=True)

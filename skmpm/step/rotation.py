@@ -21,14 +21,9 @@ from skmpm.arrays import Array, Bools, Ints
 from skmpm.compiled import compiled
 from skmpm.grid import BodyGrids
 from skmpm.linear import Rotated, Solver
+from skmpm.scene import TOUCHING
 from skmpm.step.equations import Increment
 from skmpm.step.terms import Configuration
-
-MAX_DRIFT = 1e-4  # [cells] displacement of a body by the final momentum correction, too small to change gaps
-# [cells] Displacement by the missing spin in a step of the same length. Steps move bodies by at most 0.2 g dt^2 cells
-# under gravity, so that the default tolerance of Newton's method leaves out-of-balance moments of this size. Contacts
-# hold bodies against larger ones.
-MAX_SPIN = 1e-3
 
 
 @dataclass(frozen=True)
@@ -81,11 +76,12 @@ def with_balanced_momentum(
     Bodies are translated. The balance includes the contact impulse at w or, in long steps of bodies under pressure,
     that of the last contact solve, `last_impulse`, along the normals of the previous iteration: a full Newton step
     balances the latter to round-off, whatever the mass. After a shortened step both corrections may move a body by
-    more than `MAX_DRIFT`. In scenes with supports, which balance momentum by their reactions, w is returned as it is.
+    more than touching bodies may overlap, `TOUCHING`. In scenes with supports, which balance momentum by their
+    reactions, w is returned as it is.
     """
     for impulse in _balanced_by(increment, contact_impulse, last_impulse):
         error = _error(increment, w, impulse)
-        if _displacement(increment, error).max() <= MAX_DRIFT:
+        if _displacement(increment, error).max() <= TOUCHING:
             return increment.with_scalars(
                 increment.on_nodes(w) - error.T[increment.grid.node_body].ravel(), increment.of_scalars(w)
             )
@@ -104,7 +100,7 @@ def missing_spin(increment: Increment, w: Array, out_of_balance: Array) -> Array
     Added to the velocity at the end of a step, not to that which moves the nodes, they leave its gaps as they are and
     pass the moments on to the next step. Otherwise a disc that rolls down a gentle slope, where the force along the
     slope is a hundredth of its weight, loses a tenth of its angular momentum to the tolerance of Newton's method.
-    Bodies that supports hold, and those that would turn too far, have none.
+    Bodies that supports hold, and those that would turn too far, have none: contacts hold these (test_rolling).
     """
     if increment.metric is not None:
         return 0.0
@@ -117,7 +113,7 @@ def missing_spin(increment: Increment, w: Array, out_of_balance: Array) -> Array
     resisted = _resisted(increment, rotation.ravel(), configuration).reshape(-1, 2)
     spin = -moment / np.maximum(grid.sums((rotation * resisted).sum(axis=1)[None])[0], 1e-300)
     turned = np.abs(spin) * np.sqrt(inertia / np.maximum(total, 1e-300)) * increment.dt / grid.cell
-    spin[turned > MAX_SPIN] = 0.0
+    spin[turned > TOUCHING] = 0.0
     spin[grid.node_body[increment.constrained_dofs // 2]] = 0.0
     return np.asarray((rotation * spin[grid.node_body, None]).ravel())
 

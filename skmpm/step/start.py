@@ -17,10 +17,6 @@ from skmpm.step.rigid_bodies import FreeBodies
 from skmpm.step.scalar_unknowns import RESPONSE, Interval, ScalarUnknowns, Unknowns
 from skmpm.step.terms import Configuration
 
-# [cells] Motion of an unknown in one iteration without inertia: a box that nothing resists yet would become so long
-# that the search for neighbours takes all memory (test_periodic).
-MAX_MOVE = 0.5
-
 
 def configuration_at_start(scene: Scene, state: State, scheme: Scheme) -> Configuration:
     """The configuration of a state: that in which the step ended that led to it, or a new one after changes."""
@@ -96,7 +92,8 @@ def scalar_unknowns(
     soft, farthest = None, np.inf
     if not scheme.inertia:
         shear = max(material.lame[1] for material in scene.materials)
-        soft, farthest = RESPONSE * (scheme.theta * dt) ** 2 * shear, MAX_MOVE * scene.cell / dt
+        # A box that nothing resists yet would become so long that the search for neighbours takes all memory.
+        soft, farthest = RESPONSE * (scheme.theta * dt) ** 2 * shear, scene.cell / dt
     interval, box = Interval(state.t + scheme.theta * dt, dt, scheme.theta, soft, farthest), None
     kinds, moved = list[Unknowns](), motions
     if scene.periodic is not None and scene.periodic.components.size:

@@ -20,6 +20,8 @@ from skmpm.arrays import Array, Ints
 from skmpm.grid.assembly import Assembly
 from skmpm.material import Response
 
+ENERGY_TOLERANCE = 5e-7  # over the largest energy: gain by tolerances and round-off
+
 
 def _none() -> Array:
     return np.zeros(2)
