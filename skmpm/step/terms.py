@@ -20,7 +20,7 @@ from skmpm.arrays import Array, Ints
 from skmpm.grid.assembly import Assembly
 from skmpm.material import Response
 
-ENERGY_TOLERANCE = 5e-7  # over the largest energy: gain by tolerances and round-off
+ENERGY_TOLERANCE = 5e-7  # over the largest energy: gain by tolerances and round-off (test_gauge)
 
 
 def _none() -> Array:
