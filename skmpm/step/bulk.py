@@ -27,8 +27,6 @@ from skmpm.step.terms import Budget, Configuration, Path, Term
 
 Matrices = tuple[Selection, Array]  # k cells, and matrices (k, 64) by blocks [Pa]
 
-STRAIN_ROUND_OFF = 100.0 * float(np.finfo(float).eps)  # energies of such strains are round-off
-
 
 class Group(NamedTuple):
     """The points of one material."""
@@ -161,7 +159,6 @@ class Bulk(Term):
             elastic=np.array([start, end - plastic]),
             plastic=plastic,
             rounding=float(np.finfo(float).eps) * modulus,  # a strain energy is a small difference of terms as large
-            noise=STRAIN_ROUND_OFF**2 * modulus,
             swing=swing,
         )
 

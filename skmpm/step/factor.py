@@ -24,11 +24,11 @@ from skmpm.step.rotation import matrix_turns, turned_solver
 from skmpm.step.terms import Configuration
 
 # The best ratio of successive out-of-balance norms that is expected with an old matrix: that of the first iteration
-# of a step, in which contacts change state, may be much better than those that follow.
+# of a step, in which contacts change state, may be much better than those that follow (test_implicit).
 BEST_RATE = 0.05
 
 # Iterations with an old matrix that take as long as a new one: of 300 free discs one iteration takes 15 to 20 ms, the
-# matrix with its factors 60 to 75 ms.
+# matrix with its factors 60 to 75 ms (test_implicit).
 WORTH = 3
 
 MULTIGRID = "amg"  # its solutions for a body depend on other bodies: an operator that is made again has other bits

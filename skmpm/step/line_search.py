@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from skmpm.arrays import Array
+from skmpm.arrays import ROUND_OFF, Array
 from skmpm.contact import acts_at_grid_nodes
 from skmpm.step.equations import Increment
 from skmpm.step.errors import StepRejected, worst_body
 from skmpm.step.rotation import retracted
 from skmpm.step.terms import Configuration
 
-MIN_STEP_LENGTH = 1e-6  # over the Newton direction
 SUFFICIENT_DECREASE = 1e-4  # Armijo's constant (Nocedal & Wright, Numerical Optimization, section 3.1)
 
 
@@ -57,7 +56,7 @@ def _search(
     start = increment.energy(w, configuration, terms) - float(contact_impulse @ w)
     round_off = _round_off(increment, w, configuration, direction, abs(start) + abs(float(contact_impulse @ w)))
     length = 1.0
-    while length > MIN_STEP_LENGTH:
+    while length > ROUND_OFF:
         step = length * direction
         trial = w + step if at_nodes else retracted(increment, w, step)
         trial_configuration = increment.at(trial)

@@ -14,6 +14,7 @@ from skmpm.step.bulk import Bulk
 from skmpm.step.equations import Increment
 from skmpm.step.terms import Configuration
 
+# Of the next three test_implicit fails with other values.
 MIN_ROTATIONAL_STIFFNESS = 0.25  # quadratic form of A for the rotation of a body, over its moment of inertia
 FACTOR = 2.0  # mass that a body gets over what its rotation lacks: the softest mode is not quite a rotation
 # Shares of the gradient stiffness of a body, tried in turn: none, none with this mass, and so on.
