@@ -47,7 +47,7 @@ class RigidState:
     def relative(self, gradient: Array | None) -> Array:
         """The velocities (3, n) less those of a periodic box with a velocity gradient (2, 2) [m/s]."""
         if gradient is None:
-            return self.velocity.copy()
+            return self.velocity
         return np.asarray(self.velocity - np.concatenate([gradient @ self.centre, np.zeros((1, self.bodies.size))]))
 
     def loads(self, scene: Scene, state: State, t: float) -> DeadLoads:
@@ -96,9 +96,7 @@ class FreeBodies(Unknowns):
         Without inertia they begin at rest.
         """
         start, dt = rigid_state(scene, state), interval.dt
-        velocity, gradient = start.relative(state.box_rate), motions.gradient
-        if not interval.inertial:
-            velocity[:] = 0.0
+        velocity, gradient = interval.inertial * start.relative(state.box_rate), motions.gradient
         if gradient is not None:
             velocity[:2] += gradient @ start.centre
         scale = np.stack([np.ones_like(start.radius)] * 2 + [start.radius])

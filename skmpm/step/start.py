@@ -89,13 +89,13 @@ def scalar_unknowns(
     """The unknowns of a step of dt [s] that are not on a grid."""
     if not scene.has_scalar_unknowns:
         return ScalarUnknowns()
-    soft, farthest = None, np.inf
+    soft, farthest = 0.0, np.inf
     if not scheme.inertia:
         shear = max(material.lame[1] for material in scene.materials)
         # A box that nothing resists yet would become so long that the search for neighbours takes all memory.
         soft, farthest = RESPONSE * (scheme.theta * dt) ** 2 * shear, scene.cell / dt
-    interval, box = Interval(state.t + scheme.theta * dt, dt, scheme.theta, soft, farthest), None
-    kinds, moved = list[Unknowns](), motions
+    interval = Interval(state.t + scheme.theta * dt, dt, scheme.theta, scheme.inertia, soft, farthest)
+    kinds, moved, box = list[Unknowns](), motions, None
     if scene.periodic is not None and scene.periodic.components.size:
         box = StressedBox.in_step(scene, scene.periodic, state, interval)
         kinds, moved = [box], box.motions(box.inertia.v0, box.inertia.v0, motions)
