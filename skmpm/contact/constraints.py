@@ -189,10 +189,8 @@ class Constraints:
 
     @cached_property
     def curved(self) -> Bools:
-        """Whether the second surface is curved and belongs to a body with unknowns, (k,)."""
-        unknown = np.diff(self.base.indptr) > 0
-        row = np.repeat(np.arange(self.size), np.diff(self.geometry.tangent_shares.indptr))
-        return np.asarray(np.bincount(row, unknown[self.geometry.tangent_shares.indices], self.size) > 0)
+        """Whether the second surface is that of a body, and no corner of it, (k,)."""
+        return np.asarray(np.diff(self.geometry.tangent_shares.indptr) > 0)
 
     @property
     def offset(self) -> Array:
@@ -244,6 +242,11 @@ class Constraints:
         if self.tangential:
             return np.ascontiguousarray(r.reshape(-1, 2).T) / dt
         return np.stack([r, np.zeros_like(r)]) / dt
+
+    def vectors(self, r: Array) -> Array:
+        """Impulses r as vectors, x of all contacts and then y, (2 k,)."""
+        vectors = np.einsum("kd,dik->ik", r.reshape(self.size, -1), np.stack(self.directions))
+        return np.asarray(vectors.ravel())
 
     def impulses(self, key: Ints, force: Array, dt: float) -> Array:
         """Impulses of these contacts from the forces (2, m) of contacts with keys `key` (m,); zero for others."""

@@ -37,17 +37,14 @@ def round_bodies(scene: Model) -> Bools:
 
 
 def indifferent_to_rotation(scene: Model, circular: Bools) -> Bools:
-    """Round bodies, isotropic and elastic, that nothing but frictionless contact acts on, (bodies,).
+    """Round bodies, rigid or isotropic and elastic, that nothing but frictionless contact acts on, (bodies,).
 
     Bodies in a mask (bodies,) are `circular`. Several materials do not matter if they are concentric rings.
     """
     if scene.frictions.among_bodies.any() or scene.cohesive:
         return np.zeros(len(scene.bodies), dtype=bool)
     isotropic = {id(material): _isotropic(material) for body in scene.bodies for material in body.materials}
-    symmetric = [
-        bool(body.materials) and all(isotropic[id(m)] for m in body.materials) and _rings(body)
-        for body in scene.bodies
-    ]
+    symmetric = [all(isotropic[id(m)] for m in body.materials) and _rings(body) for body in scene.bodies]
     found = circular & np.array(symmetric)
     ends = [place for ends in scene.sprung for place in ends.sets]
     for place in (*scene.supported, *scene.loaded, *ends):
@@ -59,7 +56,7 @@ def indifferent_to_rotation(scene: Model, circular: Bools) -> Bools:
 
 def _rings(body: Body) -> bool:
     """Whether the materials of a body are rings about its centre of mass, or one."""
-    if len(body.parts) == 1:
+    if len(body.parts) <= 1:
         return True
     volume, x = body.points.volume, body.points.x
     mass = np.concatenate([material.density * volume[points] for material, points in body.parts])
@@ -157,7 +154,7 @@ class Scene(Model):
 
     @cached_property
     def indifferent_to_rotation(self) -> Bools:
-        """Which bodies are round and isotropic, and nothing but frictionless contact acts on them, (bodies,)."""
+        """Which bodies are round, isotropic or rigid, and only frictionless contact acts on them, (bodies,)."""
         return indifferent_to_rotation(self, self.round)
 
     @cached_property

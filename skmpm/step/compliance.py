@@ -70,22 +70,27 @@ def with_bars(
 
 
 def with_scalars(
-    contact: ContactIterate, unknowns: ScalarUnknowns, W: sp.csr_array
+    contact: ContactIterate, unknowns: ScalarUnknowns, W: sp.csr_array, geometric: ContactStiffness | None
 ) -> tuple[sp.csr_array, Border | None]:
     """W with the response of the scalar unknowns to contacts; what stays a border.
 
     Those that a few contacts move are eliminated. A box stays an unknown in large problems, unless contacts respond
     above all by it, as between held bodies.
     """
-    rows, stiffness, border = contact.J, unknowns.inertia.response / unknowns.inertia.theta, None
+    left = right = contact.J
+    if geometric is not None:
+        left, right = (
+            sp.csr_array(sp.vstack([contact.J, rows], format="csr"))
+            for rows in (geometric.Z_scalars, geometric.acting_scalars)
+        )
+    stiffness, border = unknowns.inertia.response / unknowns.inertia.theta, None
     if unknowns.carrier is not None and contact.r.size > coulomb.MAX_DENSE_ROWS:
         few = unknowns.carrier.inertia.v0.size
         box, rest = contact.J[:, :few], stiffness[:few]
         if (W.diagonal()[: contact.r.size] >= box.multiply(box) @ (1.0 / rest)).all():
-            border = Border(box, box, sp.csr_array(sp.diags_array(rest)), few)
-            rows, stiffness = rows[:, few:], stiffness[few:]
-    compliance = sp.csr_array(rows @ sp.diags_array(1.0 / stiffness) @ rows.T)
-    return sp.csr_array(W + _padded(compliance, W.shape)), border
+            border = Border(left[:, :few], right[:, :few], sp.csr_array(sp.diags_array(rest)), few)
+            left, right, stiffness = left[:, few:], right[:, few:], stiffness[few:]
+    return sp.csr_array(W + left @ sp.diags_array(1.0 / stiffness) @ right.T), border
 
 
 def _padded(rows: sp.csr_array, shape: tuple[int, int]) -> sp.csr_array:
@@ -123,7 +128,7 @@ def delassus_matrix(
     if joining:
         W, bars = with_bars(W, joining, left, right, constraints.base, theta, constraints.D.shape[0])
     if increment.scalars.kinds:
-        W, box = with_scalars(contact, increment.scalars, W)
+        W, box = with_scalars(contact, increment.scalars, W, geometric)
     return W, [border for border in (bars, box) if border is not None], delassus
 
 

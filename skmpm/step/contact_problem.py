@@ -5,7 +5,7 @@ Contacts enter it that may close and whose gap can change: the candidates.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
@@ -21,7 +21,7 @@ from skmpm.linear import Delassus
 from skmpm.scene import PrescribedVelocities
 from skmpm.scene.report import Timer
 from skmpm.step.contact_scale import ContactScale
-from skmpm.step.contact_stiffness import sticking
+from skmpm.step.contact_stiffness import ScalarMotion, sticking
 from skmpm.step.equations import Increment
 from skmpm.step.errors import StepRejected, pair
 from skmpm.step.scalar_unknowns import RESPONSE, driven
@@ -40,12 +40,12 @@ def active_constraints(
     grid: BodyGrids,
     supports: Elimination | None,
     supported: Bools,
-    rows: Callable[[Constraints], sp.csr_array],
+    rows: Callable[[Constraints, Sequence[Array]], sp.csr_array],
 ) -> Constraints:
     """The contacts that get rows: those with a gap below `MAX_CANDIDATE_GAP`, or in tension, whose gap can change.
 
-    `supported` (2, n) are the velocity components of the points that supports prescribe; `rows` gives
-    the columns of H for unknowns that are not on the grids.
+    `supported` (2, n) are the velocity components of the points that supports prescribe; `rows` gives what unknowns
+    that are not on the grids add to relative velocities along directions.
 
     Raises
     ------
@@ -59,7 +59,7 @@ def active_constraints(
     if supports is None or constraints.size == 0:
         return constraints
     movable = _movable(constraints, grid, supports, supported)
-    movable |= driven(rows(constraints), constraints)
+    movable |= driven(rows(constraints, [constraints.normal]))
     penetrating = np.flatnonzero(~movable & (constraints.gap < -MAX_SUPPORTED_PENETRATION * grid.cell))
     if penetrating.size:
         bodies = constraints.bodies[:, penetrating[0]]
@@ -183,7 +183,23 @@ class ContactIterate:
     @cached_property
     def J(self) -> sp.csr_array:
         """The columns of H for the scalar unknowns, (rows of H, p)."""
-        return self.increment.scalars.rows(self.increment.of_scalars(self.moving), self.constraints)
+        return self.scalar_rows(self.constraints.directions)
+
+    def scalar_rows(self, directions: Sequence[Array]) -> sp.csr_array:
+        """From the scalar unknowns to relative velocities along d directions (2, k), (d k, p)."""
+        increment = self.increment
+        return increment.scalars.rows(increment.of_scalars(self.moving), self.constraints, directions)
+
+    @property
+    def scalar_motion(self) -> ScalarMotion | None:
+        """The motion of surfaces by the scalar unknowns; None where there are none."""
+        increment, constraints = self.increment, self.constraints
+        scalars = increment.scalars
+        if not scalars.kinds:
+            return None
+        first, second = (scalars.spins(constraints, side) for side in range(2))
+        turning, arms = scalars.turning(increment.of_scalars(self.moving), constraints)
+        return ScalarMotion(self.scalar_rows([constraints.tangent]), (first, second), turning, arms)
 
     @property
     def elastic_shares(self) -> Array | float:
@@ -194,7 +210,7 @@ class ContactIterate:
         unknowns = self.increment.scalars
         if not unknowns.kinds or unknowns.inertia.mass.any():
             return 1.0
-        return np.where(driven(self.J, self.constraints), RESPONSE, 1.0)
+        return np.where(driven(self.scalar_rows([self.constraints.normal])), RESPONSE, 1.0)
 
     @cached_property
     def impulse(self) -> Array:
@@ -203,10 +219,10 @@ class ContactIterate:
             return np.zeros_like(self.moving)
         return self.pushed(self.r)
 
-    def pushed(self, r: Array, at_points: Array | float = 0.0) -> Array:
-        """The impulse theta H^T r of impulses r, with others at the contact points (2 m,), (n,) [kg m/s per m]."""
+    def pushed(self, r: Array, at_points: Array | float = 0.0, of_scalars: Array | float = 0.0) -> Array:
+        """The impulse theta H^T r of impulses r, with others at contact points (2 m,) and scalars (p,), (n,)."""
         nodes = self.constraints.at_nodes(self.constraints.D.T @ r + at_points)
-        return self.increment.theta * self.increment.with_scalars(nodes, self.J.T @ r)
+        return self.increment.theta * self.increment.with_scalars(nodes, self.J.T @ r + of_scalars)
 
     def relative(self, at_points: Array, w: Array) -> Array:
         """Relative velocities H w of contact points that move at (2 m,), with the scalars of w (n,), rows of H."""

@@ -40,7 +40,7 @@ def solve(contact: ContactIterate, solver: Solver, gradient: Array) -> Direction
     constraints, increment, timer = contact.constraints, contact.increment, contact.problem.timer
     if constraints.size == 0:
         return Direction(contact, increment.limited(-increment.solved(solver, gradient)), contact.impulse)
-    geometric = contact_stiffness(constraints, contact.r, increment.dt, increment.scheme.theta)
+    geometric = contact_stiffness(constraints, contact.r, increment.dt, increment.scheme.theta, contact.scalar_motion)
     with_known = increment.solved(solver, contact.impulse - gradient)
     timer.lap("linear")
     W, borders, delassus = delassus_matrix(contact, solver, geometric)
@@ -100,9 +100,10 @@ class _Linearised:
         """The direction of impulses with geometric stiffness; None if that cancels the quadratic form of A."""
         contact, constraints = self.contact, self.contact.constraints
         increment, theta = contact.increment, contact.increment.scheme.theta
-        impulse = contact.pushed(found.r, geometric.acting.T @ found.rho)
+        impulse = contact.pushed(found.r, geometric.acting.T @ found.rho, geometric.acting_scalars.T @ found.rho)
         direction = self._direction(impulse)
         turned = geometric.Z @ constraints.at_contact_points(increment.on_nodes(direction))
+        turned += geometric.Z_scalars @ increment.of_scalars(direction)
         softening = theta * float(turned @ found.rho)
         if softening > float(direction @ (impulse - self.gradient)):
             return None
@@ -155,9 +156,10 @@ class _Linearised:
         borders = self.borders
         options: dict[str, Any] = {}
         if geometric is not None:
-            p = geometric.Z @ increment_of_points - by_known[k:]
+            of_scalars = geometric.Z_scalars @ increment.of_scalars(self.with_known)
+            p = geometric.Z @ increment_of_points + of_scalars - by_known[k:]
             W = W + _lower_right(geometric.compliance, k)
-            negative = None if constraints.tangential else geometric.contacts.size
+            negative = None if constraints.tangential else geometric.negative
             bilateral = coulomb.Bilateral(p, negative)
             options = {"bilateral": bilateral, "iterations": MAX_STEPS}
         elif W.shape[0] > k:

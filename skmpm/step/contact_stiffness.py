@@ -19,6 +19,9 @@ curve, so that rho acts along the rows of `acting` instead of Z. These terms are
 potential. The force of a sticking contact is a constant vector and has no geometric stiffness. Where cohesion acts, r
 may be negative and is not proportional to r_t: there m = 0, the rotation of friction alone is left to the iteration.
 
+Scalar unknowns move the surfaces, too: rigid bodies and periodic boxes add columns to Z. Rigid surfaces do not
+stretch, and beta = -omega. Arms a of impulses f turn with a rigid body, whose moment changes by -a . f per angle.
+
 The geometric stiffness couples bodies and is indefinite, so it is not added to A: rho are further unknowns of the
 contact problem, bilateral constraints whose compliance maps -rho to the rates of tau and beta; they vanish at
 convergence. A limit point of the contacts is a configuration in which A with the geometric stiffness is singular:
@@ -44,10 +47,14 @@ class ContactStiffness:
     friction_ratio: Array  # (l,) m, tangential over normal impulse; zero without friction
     sliding: Ints  # (t,) indices among the constraints
     Z: sp.csr_array  # (2 l + t, 2 contact points) from velocities to rates of tau, of beta, then of turns
-    acting: (
-        sp.csr_array
-    )  # (2 l + t, 2 contact points) directions in which rho acts; equal to Z where there is no friction
-    compliance: sp.csr_array  # from -rho to the rates of Z; one negative eigenvalue for each of the l contacts
+    # (2 l + t, 2 contact points) directions in which rho acts; equal to Z where there is no friction
+    acting: sp.csr_array
+    Z_scalars: sp.csr_array  # (2 l + t, p) the columns of Z for scalar unknowns
+    acting_scalars: sp.csr_array  # (2 l + t, p) those of `acting`
+    compliance: sp.csr_array  # from -rho to the rates of Z
+    negative: (
+        int  # number of its negative eigenvalues: one for each of the l contacts, and those of pressed rigid bodies
+    )
 
     @property
     def size(self) -> int:
@@ -69,39 +76,118 @@ class ContactStiffness:
         return out
 
 
-def contact_stiffness(constraints: Constraints, r: Array, dt: float, theta: float) -> ContactStiffness | None:
-    """The geometric stiffness of contacts with impulses r; None if no contact has any."""
+@dataclass(frozen=True)
+class ScalarMotion:
+    """From p scalar unknowns to the motion of the surfaces at k contacts. Rigid ones do not stretch."""
+
+    slide: sp.csr_array  # relative velocities along the tangents, (k, p)
+    spins: tuple[sp.csr_array, sp.csr_array]  # angular velocities of the first and of the second body, (k, p)
+    rates: sp.csr_array  # angular velocities of q rigid bodies, (q, p)
+    arms: sp.csr_array  # of the contacts about their centres, negative for second bodies, (q, 2 k)
+
+    @staticmethod
+    def none(contacts: int) -> ScalarMotion:
+        """The motion without unknowns."""
+        rows = sp.csr_array((contacts, 0))
+        return ScalarMotion(rows, (rows, rows), sp.csr_array((0, 0)), sp.csr_array((0, 2 * contacts)))
+
+    def turning(self, constraints: Constraints, chosen: Ints, sliding: Array | float) -> sp.csr_array:
+        """The columns (chosen, p) of `Constraints.turning` for the unknowns."""
+        at, first, second = constraints.geometry, *(spin[chosen] for spin in self.spins)
+        along, spread = (sp.diags_array(values[chosen]) for values in (at.along, constraints.spread))
+        bend = sp.diags_array(at.curvature[chosen] * sliding)
+        return sp.csr_array(-along @ first + along @ spread @ (second - bend @ self.slide[chosen]))
+
+
+def contact_stiffness(
+    constraints: Constraints, r: Array, dt: float, theta: float, motion: ScalarMotion | None = None
+) -> ContactStiffness | None:
+    """The geometric stiffness of contacts with impulses r; None if no contact has any.
+
+    `motion` is that of scalar unknowns, if there are any.
+    """
     chosen, pressed = loaded(constraints, r), _pressed(constraints, r)
     if constraints.tangential:
         chosen = chosen[~sticking(constraints.lifted(r, dt), constraints.friction)[chosen]]
     sliding = pressed[(constraints.geometry.travel[pressed] > 0.0) & (constraints.normal_part(r)[pressed] > 0.0)]
-    if chosen.size + sliding.size == 0:
+    motion = ScalarMotion.none(constraints.size) if motion is None else motion
+    virial = motion.arms @ constraints.vectors(r)
+    turning = np.flatnonzero(np.abs(virial) * abs(motion.rates).sum(axis=1) > 0.0)
+    parts = [
+        part
+        for part in (
+            _slipping(constraints, r, chosen, motion, dt, theta) if chosen.size else None,
+            _sliding_points(constraints, r, sliding, motion, dt, theta) if sliding.size else None,
+            _turning(constraints, turning, virial, motion, dt, theta) if turning.size else None,
+        )
+        if part is not None
+    ]
+    if not parts:
         return None
-    normal, friction_ratio = r[chosen], np.zeros(chosen.size)
-    if constraints.tangential:
-        normal = r[2 * chosen]
-        friction_ratio = np.where(constraints.tensile_strength[chosen] > 0.0, 0.0, r[2 * chosen + 1] / normal)
+    Z, acting, Z_scalars, acting_scalars = (
+        sp.csr_array(sp.vstack([part.rows[i] for part in parts], format="csr")) for i in range(4)
+    )
+    compliance = sp.csr_array(sp.block_diag([part.compliance for part in parts], format="csr"))
+    ratio, negative = _friction_ratio(constraints, r, chosen), sum(part.negative for part in parts)
+    return ContactStiffness(chosen, ratio, sliding, Z, acting, Z_scalars, acting_scalars, compliance, negative)
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Rows of one kind: of Z, of `acting`, and the columns of both for scalar unknowns."""
+
+    rows: tuple[sp.csr_array, sp.csr_array, sp.csr_array, sp.csr_array]
+    compliance: sp.sparray
+    negative: int  # eigenvalues of the compliance
+
+
+def _slipping(
+    constraints: Constraints, r: Array, chosen: Ints, motion: ScalarMotion, dt: float, theta: float
+) -> _Part:
+    """Contacts that slip or have no friction: their normals rotate, their feet move."""
+    ratio = _friction_ratio(constraints, r, chosen)
     slide, rotation, stretch = constraints.geometric(chosen)
-    measured, loads = [slide, rotation], [slide, rotation + sp.diags_array(friction_ratio) @ stretch]
-    compliance = _compliance(constraints, chosen, normal, friction_ratio, dt, theta)
-    if sliding.size:
-        measured.append(constraints.turning(sliding, constraints.normal[:, sliding]))
-        loads.append(_moving_forces(constraints, r, sliding, dt))
-        travel = theta * dt * constraints.normal_part(r)[sliding] * constraints.geometry.travel[sliding]
-        compliance = sp.csr_array(sp.block_diag([compliance, sp.diags_array(1.0 / travel)], format="csr"))
-    Z, acting = (sp.csr_array(sp.vstack(rows, format="csr")) for rows in (measured, loads))
-    return ContactStiffness(chosen, friction_ratio, sliding, Z, acting, compliance)
+    Z, acting = (
+        sp.csr_array(sp.vstack([slide, turned], format="csr"))
+        for turned in (rotation, rotation + sp.diags_array(ratio) @ stretch)
+    )
+    scalars = sp.csr_array(sp.vstack([motion.slide[chosen], -motion.spins[1][chosen]], format="csr"))
+    compliance = _compliance(constraints, chosen, constraints.normal_part(r)[chosen], ratio, dt, theta)
+    return _Part((Z, acting, scalars, scalars), compliance, chosen.size)
 
 
-def _moving_forces(constraints: Constraints, r: Array, sliding: Ints, dt: float) -> sp.csr_array:
-    """Rows in which the forces of contact points that slide act, per normal impulse; those that stick do not turn."""
-    direction = constraints.normal[:, sliding]
+def _friction_ratio(constraints: Constraints, r: Array, chosen: Ints) -> Array:
+    """Tangential over normal impulse, (l,); zero without friction and where cohesion acts."""
     if not constraints.tangential:
-        return constraints.turning(sliding, direction)
-    ratio = r[2 * sliding + 1] / r[2 * sliding]
-    sticks = sticking(constraints.lifted(r, dt), constraints.friction)[sliding]
-    direction = direction + ratio * constraints.tangent[:, sliding]
-    return constraints.turning(sliding, direction, np.where(sticks, 0.0, 1.0 + ratio**2))
+        return np.zeros(chosen.size)
+    return np.where(constraints.tensile_strength[chosen] > 0.0, 0.0, r[2 * chosen + 1] / r[2 * chosen])
+
+
+def _sliding_points(
+    constraints: Constraints, r: Array, sliding: Ints, motion: ScalarMotion, dt: float, theta: float
+) -> _Part:
+    """Contact points that slide along their outlines. Forces of those that stick do not turn."""
+    normal, direction = constraints.normal_part(r)[sliding], constraints.normal[:, sliding]
+    weight = np.ones(sliding.size)
+    Z = constraints.turning(sliding, direction)
+    if constraints.tangential:
+        ratio = r[2 * sliding + 1] / normal
+        sticks = sticking(constraints.lifted(r, dt), constraints.friction)[sliding]
+        direction = direction + ratio * constraints.tangent[:, sliding]
+        weight = np.where(sticks, 0.0, 1.0 + ratio**2)
+    acting = constraints.turning(sliding, direction, weight)
+    scalars = motion.turning(constraints, sliding, 1.0), motion.turning(constraints, sliding, weight)
+    compliance = sp.diags_array(1.0 / (theta * dt * normal * constraints.geometry.travel[sliding]))
+    return _Part((Z, acting, *scalars), compliance, 0)
+
+
+def _turning(
+    constraints: Constraints, turning: Ints, virial: Array, motion: ScalarMotion, dt: float, theta: float
+) -> _Part:
+    """Rigid bodies with a virial of contact impulses (q,) [kg m2/s per m]: forces keep directions, arms turn."""
+    none, rates = sp.csr_array((turning.size, 2 * constraints.difference.shape[1])), motion.rates[turning]
+    compliance = sp.diags_array(1.0 / (theta * dt * virial[turning]))
+    return _Part((none, none, rates, rates), compliance, int((virial[turning] < 0.0).sum()))
 
 
 def _compliance(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -89,9 +90,11 @@ class DrivenWalls(Unknowns):
         walls, at_end = (with_normal_speeds(self.scene, prescribed.walls, v) for v in (z, end))
         return replace(prescribed, walls=walls, walls_at_end=at_end)
 
-    def rows(self, z: Array, constraints: Constraints) -> sp.csr_array:
-        """J (k, p) or (2 k, p): a wall that moves along its normal closes its contacts."""
+    def rows(self, z: Array, constraints: Constraints, directions: Sequence[Array]) -> sp.csr_array:
+        """From z to relative velocities (d k, p): a wall that moves along its normal closes its contacts."""
         contact, wall = np.nonzero(constraints.bodies[1][:, None] == -1 - self.scene.driven_walls)
-        step = 2 if constraints.tangential else 1
-        shape = (step * constraints.size, self.scene.driven_walls.size)
-        return sp.csr_array((np.full(contact.size, -1.0), (step * contact, wall)), shape=shape)
+        d, normal = len(directions), constraints.normal[:, contact]
+        closing = [-(each[:, contact] * normal).sum(axis=0) for each in directions]
+        row = (d * contact + np.arange(d)[:, None]).ravel()
+        shape = (d * constraints.size, self.scene.driven_walls.size)
+        return sp.csr_array((np.concatenate(closing), (row, np.tile(wall, d))), shape=shape)

@@ -114,6 +114,7 @@ def gauge_condition(
         held = scene.indifferent_to_rotation & (interval > scene.crossing_times) & _touching(scene, state)
     else:  # any frictional wall may come into contact in the step
         held = scene.free_to_turn
+    held = held & scene.deformable
     if not held.any():
         return None
     assembly = state.grids.assembly

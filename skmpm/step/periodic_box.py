@@ -16,6 +16,7 @@ mean motion of the box in a step, which is therefore its velocity at the end: st
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -122,13 +123,12 @@ class StressedBox(Carrier):
         change = (self._edges(z) - self._first_edges) @ np.linalg.inv(self.start) / self.dt
         return np.asarray(change @ self.centres)
 
-    def rows(self, z: Array, constraints: Constraints) -> sp.csr_array:
-        """J (k, q) or (2 k, q): bodies move with their centres, the second body of a contact also with its image."""
+    def rows(self, z: Array, constraints: Constraints, directions: Sequence[Array]) -> sp.csr_array:
+        """From z to relative velocities (d k, q): bodies move with their centres, the second one with its image."""
         i, j = self.periodic.components
         centre = self._edges(z) @ np.linalg.solve(self.start, self.centres)
         first, second = (np.where(body < 0, 0.0, centre[:, np.maximum(body, 0)]) for body in constraints.bodies)
         branch = first - second - constraints.image
-        directions = constraints.directions
         each = [d[i] * branch[j] * self._scale(z)[:, None] for d in directions]  # (q, k)
         rows = np.stack([block.T for block in each], axis=1).reshape(-1, i.size)
         return sp.csr_array(rows)

@@ -6,6 +6,7 @@ values in the step, and nothing changes them: no load or contact acts on them, a
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -93,10 +94,12 @@ class FreeBodies(Unknowns):
     ) -> FreeBodies:
         """The bodies of a state in a step; they keep their velocities relative to the periodic box in `motions`.
 
-        Without inertia they begin at rest.
+        Without inertia they begin at rest, and round ones that nothing turns do not rotate: the torque of
+        discretisation errors would turn them, against nothing (`step.gauge`).
         """
         start, dt = rigid_state(scene, state), interval.dt
         velocity, gradient = interval.inertial * start.relative(state.box_rate), motions.gradient
+        start.free[2] &= interval.inertial | callable(scene.gravity) | ~scene.free_to_turn[start.bodies]
         if gradient is not None:
             velocity[:2] += gradient @ start.centre
         scale = np.stack([np.ones_like(start.radius)] * 2 + [start.radius])
@@ -153,20 +156,46 @@ class FreeBodies(Unknowns):
         own = translation[:, self.bodies]
         return np.asarray(self._free * np.stack([*own, np.zeros_like(own[0])], axis=1).ravel())
 
-    def rows(self, z: Array, constraints: Constraints) -> sp.csr_array:
-        """J (k, 3 n) or (2 k, 3 n), about the centres at the end of the step, where the contacts are."""
-        number = np.full(int(constraints.bodies.max(initial=0)) + 1, -1)
-        known = self.bodies[self.bodies < number.size]
-        number[known] = np.arange(known.size)
+    def _on_side(self, constraints: Constraints, side: int) -> tuple[Ints, Ints]:
+        """The contacts with one of these on one side, and which of these it is."""
+        number = np.full(int(max(constraints.bodies.max(initial=0), self.bodies.max())) + 1, -1)
+        number[self.bodies] = np.arange(self.bodies.size)
+        members = constraints.bodies[side]
+        body = np.where(members < 0, -1, number[np.maximum(members, 0)])
+        return np.flatnonzero(body >= 0), body
+
+    def spins(self, constraints: Constraints, side: int) -> sp.csr_array:
+        """From z to the angular velocities of the bodies on one side of the contacts [rad/s], (k, 3 n)."""
+        k, body = self._on_side(constraints, side)
+        rate = self.start.free[2, body[k]] / self.start.radius[body[k]]
+        return sp.csr_array((rate, (k, 3 * body[k] + 2)), shape=(constraints.size, self.inertia.v0.size))
+
+    def turning(self, z: Array, constraints: Constraints) -> tuple[sp.csr_array, sp.csr_array]:
+        """From z to the angular velocities of the bodies (n, 3 n) [rad/s], and arms of the contacts (n, 2 k) [m]."""
+        count, size = self.bodies.size, constraints.size
+        each = np.arange(count)
+        rate = sp.csr_array((self.start.free[2] / self.start.radius, (each, 3 * each + 2)), shape=(count, 3 * count))
+        arms = sp.csr_array((count, 2 * size))
+        for side, sign in ((0, 1.0), (1, -1.0)):
+            k, body = self._on_side(constraints, side)
+            arm = sign * self._arms(z, constraints, side)
+            place = (np.tile(body[k], 2), np.concatenate([k, size + k]))
+            arms = arms + sp.csr_array((arm.ravel(), place), shape=(count, 2 * size))
+        return rate, sp.csr_array(arms)
+
+    def _arms(self, z: Array, constraints: Constraints, side: int) -> Array:
+        """Arms of the contacts with one of the bodies on one side, about its centre at the end of the step, [m]."""
+        k, body = self._on_side(constraints, side)
         centre = self.start.centre + self.dt * self._with_spins(z)[:2]
-        directions = constraints.directions
+        at = constraints.x[:, k] - (constraints.image[:, k] if side else 0.0)
+        return np.asarray(at - centre[:, body[k]])
+
+    def rows(self, z: Array, constraints: Constraints, directions: Sequence[Array]) -> sp.csr_array:
+        """From z to relative velocities (d k, 3 n), about the centres at the end of the step."""
         row, column, data = [], [], []
         for side, sign in ((0, 1.0), (1, -1.0)):
-            members = constraints.bodies[side]
-            body = np.where(members < 0, -1, number[np.maximum(members, 0)])
-            k = np.flatnonzero(body >= 0)
-            at = constraints.x[:, k] - (constraints.image[:, k] if side else 0.0)
-            arm = (at - centre[:, body[k]]) / self.start.radius[body[k]]
+            k, body = self._on_side(constraints, side)
+            arm = self._arms(z, constraints, side) / self.start.radius[body[k]]
             for i, direction in enumerate(directions):
                 d = direction[:, k]
                 each = np.stack([d[0], d[1], arm[0] * d[1] - arm[1] * d[0]]) * self.start.free[:, body[k]]

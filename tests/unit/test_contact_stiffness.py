@@ -7,7 +7,23 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skmpm import Body, NeoHookean, Scene, Wall, contact, coulomb, disc, initial, simulate
+from skmpm import (
+    Body,
+    NeoHookean,
+    Periodic,
+    Rigid,
+    Scene,
+    Scheme,
+    Wall,
+    contact,
+    coulomb,
+    disc,
+    ellipse,
+    initial,
+    packing,
+    simulate,
+)
+from skmpm import step as one_step
 from skmpm.step.contact_stiffness import contact_stiffness, loaded
 
 GEL = NeoHookean(1e6, 0.3, 1000.0)
@@ -146,3 +162,57 @@ def test_newton_takes_half_the_iterations(monkeypatch):
     contact = import_module("skmpm.step.contact_solve")
     monkeypatch.setattr(contact, "contact_stiffness", lambda *arguments: None)
     assert consistent < 0.8 * iterations()
+
+
+def between_three(middle):
+    """Three soft discs that walls press on a free rigid body."""
+    at = [np.array([np.cos(a), np.sin(a)]) for a in (0.1, 2.2, 4.3)]
+    bodies = [Body(middle, Rigid(1000.0)), *(Body(disc(2.0 * R * n, R, spacing=CELL / 2), GEL) for n in at)]
+    walls = [Wall(3.0 * R * n, -n, velocity=-100.0 * R * n) for n in at]
+    return Scene(bodies, cell=CELL, walls=walls)
+
+
+@pytest.mark.parametrize(
+    "middle",
+    [disc((0, 0), R, spacing=CELL / 2), ellipse((0, 0), (R, 0.97 * R), spacing=CELL / 2)],
+    ids=["disc", "ellipse"],
+)
+def test_impulses_on_a_rigid_body_turn_as_predicted(middle, monkeypatch):
+    """By central differences: the body moves, turns, and soft discs around it deform. Gaps over R are the error."""
+    newton, found = import_module("skmpm.step.newton"), []
+    monkeypatch.setattr(newton, "solve", lambda *a, solve=newton.solve: found.append(solve(*a)) or found[-1])
+    scene = between_three(middle)
+    state = initial(scene)
+    for _ in range(6):
+        state = one_step(scene, state, 1e-4, scheme=Scheme(newton_tol=1e-9, gap_tol=1e-9, contact_tol=1e-10))
+    contact = found[-1].contact
+    rows, increment = contact.constraints, contact.increment
+    turns = contact_stiffness(rows, contact.r, increment.dt, 1.0, contact.scalar_motion)
+    x = increment.grid.position
+    strain = np.stack([0.3 * x[0] + 0.1 * x[1], 0.3 * x[0] - 0.2 * x[1]]).T.ravel()
+    for nodes, scalars in ((strain, (0, 0, 0)), (0.0 * strain, (R, -0.5 * R, 0)), (0.0 * strain, (0, 0, R))):
+        direction = increment.with_scalars(nodes, np.array(scalars, dtype=float))
+        of_scalars = turns.Z_scalars @ increment.of_scalars(direction)
+        rates = turns.Z @ rows.at_contact_points(increment.on_nodes(direction)) + of_scalars
+        rho = -np.linalg.solve(turns.compliance.toarray(), rates)
+        predicted = contact.pushed(0.0 * contact.r, turns.acting.T @ rho, turns.acting_scalars.T @ rho)
+        size = 1e-4 / increment.dt
+        ends = [contact.at(contact.moving + sign * size * direction) for sign in (-1.0, 1.0)]
+        assert all(np.array_equal(end.constraints.key, rows.key) for end in ends)
+        measured = (ends[1].pushed(contact.r) - ends[0].pushed(contact.r)) / (2.0 * size)
+        assert np.abs(measured - predicted).max() <= 1e-3 * np.abs(measured).max()
+
+
+def test_rigid_grains_of_a_packing_take_few_iterations():
+    """Without what they add to the geometric stiffness three of these steps do not end in equilibrium."""
+    rng = np.random.default_rng(0)
+    found = packing(rng.uniform(0.8e-3, 1.2e-3, 8), 6e-3, solid_fraction=0.8, periodic=True, seed=0)
+    bodies = [
+        Body(disc(c, r, spacing=0.15e-3), Rigid(1000.0) if i < 4 else GEL)
+        for i, (c, r) in enumerate(zip(found.centres.T, found.radii, strict=True))
+    ]
+    box = Periodic(found.width, found.height, rate=[[-0.01, 0.0], [0.0, -0.01]])
+    scheme = Scheme(inertia=False, newton_tol=1e-6)
+    reports = [s.report for s in simulate(Scene(bodies, cell=CELL, periodic=box), dt=1.0, until=5.0, scheme=scheme)]
+    assert len(reports) == 5
+    assert sum(each.newton for each in reports) <= 8 * sum(each.solves for each in reports)
