@@ -248,15 +248,16 @@ def seconds_of_step(
 
 
 def chosen_steps(scene: Scene, scheme: Scheme, until: float | None) -> tuple[float, int | None]:
-    """The first step that `simulate` chooses [s], 1 s if nothing limits it, and the number of steps until an end.
+    """The first step that `simulate` chooses [s], and the number of steps until an end.
 
-    Bodies move as at the beginning, and neither Newton's method nor losses shorten a step.
+    Bodies move as at the beginning, and neither Newton's method nor losses shorten a step. The first one resolves
+    waves where only losses limit it; it is 1 s if nothing does.
     """
     parts = (np.arange(PARTS) + 0.5) / PARTS
     times = np.append(0.0, () if until is None else until * parts)
     state, pace = initial(scene, scheme=scheme), pace_of(scene, scheme, 0.0, until or 0.0)
     longest = np.array([pace.limit(scene, replace(state, t=float(t)), np.inf) for t in times])
-    first = float(longest[0]) if np.isfinite(longest[0]) else 1.0
+    first = float(longest[0]) if np.isfinite(longest[0]) else pace.resolving if pace.losses else 1.0
     if until is None:
         return first, None
     return first, ceil(float((until / PARTS / np.minimum(longest[1:], until)).sum()) - 1e-9)

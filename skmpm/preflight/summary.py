@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from math import ceil
 from typing import Any
 
@@ -19,7 +20,13 @@ from skmpm.scheme import Scheme
 from skmpm.step.algorithm import SHORTEST, check_time
 from skmpm.step.driven_walls import check_driven
 from skmpm.step.initial_state import check_cohesion
-from skmpm.stepping.step_length import pace_of
+from skmpm.stepping.step_length import Pace, pace_of
+
+
+def _duration(seconds: float) -> str:
+    """A time of a run as text, with one digit."""
+    unit, name = next((u, name) for u, name in ((3600.0, "h"), (60.0, "min"), (0.0, "s")) if seconds >= u)
+    return f"{float(f'{seconds / (unit or 1.0):.1g}'):g} {name}"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -120,15 +127,22 @@ class Preflight(SceneMetrics):
 
     def _cost(self) -> str:
         each = f"{self.seconds_of_step:.1g} s"
-        if self.seconds is None:
+        if self.seconds is None or self.steps is None or self.until is None:
             return f"about {each} a step"
-        unit, name = next((u, name) for u, name in ((3600.0, "h"), (60.0, "min"), (0.0, "s")) if self.seconds >= u)
-        return f"about {self.steps} steps of {each} or more: {self.seconds / (unit or 1.0):.1g} {name}"
+        about = f"about {self.steps} steps of {each} or more: {_duration(self.seconds)}"
+        if not (self.chosen and self._pace.losses):
+            return about
+        most = max(ceil(self.until / self._pace.resolving), self.steps)
+        return f"{about}; up to {most}, {_duration(most * self.seconds_of_step)}, while bodies vibrate or meet"
+
+    @cached_property
+    def _pace(self) -> Pace:
+        """What limits chosen steps."""
+        return pace_of(self.scene, self.scheme, 0.0, self.until or 0.0)
 
     def _step(self) -> str:
         """The first step, and whether chosen ones pass over impacts."""
-        losses = pace_of(self.scene, self.scheme, 0.0, self.until or 0.0).losses
-        passes = self.scheme.inertia and self.touches and not losses
+        passes = self.scheme.inertia and self.touches and not self._pace.losses
         passed_over = "; impacts of so many bodies are not resolved, unless waves=True" if passes else ""
         return f"chosen, {self.dt:.3g} s at first{passed_over}"
 
