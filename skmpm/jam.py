@@ -112,10 +112,12 @@ def jam(
     Notes
     -----
     The box is compressed by increments of solid fraction, each followed by static equilibrium, until the packing
-    bears the pressure (any at the jamming point), or released if it bears more at first. Then the interval between
-    the last two packings is halved, always from the one that bears less, until it is below the tolerance. By this
-    protocol jamming points of soft particles are found by energy minimisation (O'Hern, Silbert, Liu & Nagel, Phys.
-    Rev. E 68 (2003) 011306, and the bisection of JaxDEM): solid fractions compare one to one.
+    bears the pressure (at the jamming point 1e-8 of the largest modulus), or released if it bears more at first. Then
+    the interval between the last two packings is halved, always from the one that bears less, until it is below the
+    tolerance. If that one, compressed to the other end, does not bear the pressure, as where grains have rearranged,
+    the search goes on from there. By this protocol jamming points of soft particles are found by energy minimisation
+    (O'Hern, Silbert, Liu & Nagel, Phys. Rev. E 68 (2003) 011306, and the bisection of JaxDEM): solid fractions
+    compare one to one.
 
     Examples
     --------
@@ -140,13 +142,20 @@ def jam(
     _check_contact_alone(scene)
     search = _Search(strained(scene, np.zeros((2, 2))), pressure)
     less = more = search.at_rest(start)
-    while more.pressure < search.wanted:
-        less, more = more, search.further(more, increment)
     while less.pressure >= search.wanted:
         less, more = search.further(less, -increment), less
-    while more.fraction - less.fraction > tolerance and not search.close(more):
-        found = search.further(less, 0.5 * (more.fraction - less.fraction))
-        less, more = (found, more) if found.pressure < search.wanted else (less, found)
+    follows = less is more  # whether `more` is `less`, compressed: the same solid fraction may be reached otherwise
+    if follows:
+        less, more = search.compressed(less, increment)
+    while not search.close(more) and (more.fraction - less.fraction > tolerance or not follows):
+        wide = more.fraction - less.fraction > tolerance
+        found = search.further(less, (0.5 if wide else 1.0) * (more.fraction - less.fraction))
+        if found.pressure >= search.wanted:
+            more, follows = found, True
+        elif wide:
+            less, follows = found, False
+        else:
+            (less, more), follows = search.compressed(found, increment), True
     seen = more.seen
     return Jam(
         search.still,
@@ -234,6 +243,13 @@ class _Search:
                 continue
             left -= length
         return packing
+
+    def compressed(self, packing: _Packing, increment: float) -> tuple[_Packing, _Packing]:
+        """The last packing that bears less than what is wanted, and the first that bears it."""
+        less = more = packing
+        while more.pressure < self.wanted:
+            less, more = more, self.further(more, increment)
+        return less, more
 
     def close(self, packing: _Packing) -> bool:
         """Whether the pressure is near enough to a given one."""

@@ -2,6 +2,8 @@
 
 import re
 from dataclasses import replace
+from importlib import import_module
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -154,3 +156,26 @@ def test_a_box_is_needed():
     scene = skmpm.Scene([disc((0, 0))], cell=H, walls=[skmpm.Wall((0, -R), (0, 1))])
     with pytest.raises(skmpm.SceneError, match="jam: the scene has no box"):
         skmpm.jam(scene)
+
+
+def test_grains_that_rearrange_are_compressed_further(monkeypatch):
+    """Steps above 2e-4 jam at 0.79, shorter ones rearrange the grains, and the packing jams at 0.794."""
+    module = import_module("skmpm.jam")
+    scene = bidisperse(8, 0.785, seed=0)
+
+    def further(search, packing, change):
+        fraction = packing.fraction + change
+        way = 0.794 if change < 2e-4 else packing.state
+        seen = SimpleNamespace(solid_fraction_nominal=fraction, pressure=1e5 * max(fraction - way, 0.0))
+        search.rows.append({"solid_fraction_nominal": fraction, "pressure": seen.pressure})
+        bodies = SimpleNamespace(coordination_without_rattlers=np.ones(8))
+        seen.solid_fraction, seen.coordination_without_rattlers, seen.bodies = fraction, 4.0, bodies
+        return module._Packing(way, seen)
+
+    monkeypatch.setattr(module._Search, "further", further)
+    first = SimpleNamespace(solid_fraction_nominal=0.785, pressure=0.0)
+    monkeypatch.setattr(module._Search, "at_rest", lambda *_: module._Packing(0.79, first))
+    found = skmpm.jam(scene, tolerance=1e-5)
+    assert found.solid_fraction_nominal == pytest.approx(0.794, abs=1e-5)
+    assert found.pressure <= 1e5 * 1e-5
+    assert found.bracket[0] <= 0.794 <= found.bracket[1]
