@@ -108,9 +108,9 @@ def simulate(
     -----
     Without dt, steps are chosen (`stepping.step_length`). In a step driven objects move by at most 0.14 cells, and
     bodies by 0.2 cells past each other, or more where something is driven. A step loses at most 1e-5 of the largest
-    energy so far, unless six or more bodies are driven or fall. Steps are shorter while Newton's method takes many
-    iterations, and a sixteenth as long after a failure. Quasi-static steps under loads that are functions of time
-    need dt.
+    energy so far, unless six or more bodies are driven or fall, or it resolves waves: impacts may lose much in many
+    such steps, and little with theta = 1/2. Steps are shorter while Newton's method takes many iterations, and a
+    sixteenth as long after a failure. Quasi-static steps under loads that are functions of time need dt.
 
     With dt, a step that fails is repeated with half the length, down to dt / 1024; after four successful steps the
     length is doubled again, at times that are multiples of the longer step. States at multiples of dt are always

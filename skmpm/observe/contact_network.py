@@ -77,7 +77,7 @@ def neighbours(pairs: Ints, bodies: int) -> Ints:
 
 
 def rattlers(pairs: Ints, friction: Array, movable: Bools) -> Bools:
-    """Find the bodies that their contacts cannot hold, (bodies,): fewer than three contacts, or two with friction.
+    """Find the bodies that their contacts cannot hold, (bodies,): fewer than three neighbours, or two with friction.
 
     They are removed together with their contacts until none is left, because a neighbour may have lost one by it.
 

@@ -122,8 +122,9 @@ def observe(scene: Scene, state: State, *, interior: bool = False) -> Observable
       area of the box; only the part of rigid bodies in the box counts.
     - coordination Z: mean number of bodies and walls that touch a grain; if no contact carries a force, those with a
       gap below 0.02 cells count as touching.
-    - coordination_without_rattlers: the same without bodies that have fewer than three contacts, or fewer than two
-      with friction; these are removed one after the other (O'Hern, Silbert, Liu & Nagel, Phys. Rev. E 68, 2003).
+    - coordination_without_rattlers: the same without bodies that have fewer than three neighbours, or fewer than two
+      with friction; several contacts with one neighbour count once. These are removed one after the other (O'Hern,
+      Silbert, Liu & Nagel, Phys. Rev. E 68, 2003).
     - contact_surface: S = sum S_b / sum pi D_b over the grains, S_b the boundary length with a gap
       below 0.02 cells or between forced contacts, D_b the diameter of the disc of the initial area; nan for
       contacts at shared grid nodes, which have no length.

@@ -60,7 +60,15 @@ def matching(scene: Layout, name: str, where: Callable[[Array], ArrayLike], bodi
     x = scene.initial_positions
     if not callable(where):
         raise SceneError(f"{name}: expected a function of positions (2, n) that returns (n,) booleans, got {where!r}")
-    inside = np.asarray(where(x.copy()))  # the function may work in place
+    try:
+        inside = np.asarray(where(x.copy()))  # the function may work in place
+    except ValueError as error:
+        if "truth value" not in str(error):
+            raise
+        raise SceneError(
+            f"{name} failed ({error}); use &, | and ~ with parentheses instead of `and`, `or` and `not`, as in"
+            " (x[0] < a) & (x[1] > b)"
+        ) from error
     if inside.shape != x.shape[1:] or inside.dtype != np.bool_:
         raise SceneError(
             f"{name} returned {inside.dtype} of shape {inside.shape}; return {x.shape[1:]} booleans,"

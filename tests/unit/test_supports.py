@@ -218,6 +218,7 @@ BAD = {
     "nowhere": ({"supports": [Support(lambda x: x[0] < -1)]}, "support 0: where is true at no point"),
     "no function": ({"supports": [Support((0, 0))]}, r"support 0: where: expected a function .* got \(0, 0\)"),
     "numbers": ({"loads": [Load(lambda x: x[0], (1, 0))]}, "load 0: where returned float64"),
+    "and": ({"supports": [Support(lambda x: x[0] < 1 and x[1] < 1)]}, "support 0: where failed .*; use &, "),
     "no velocity": ({"supports": [Support(left, velocity=None)]}, r"support 0: velocity = None; give two components"),
     "three": ({"supports": [Support(left, velocity=(0, None, 0))]}, "give two components"),
     "nan": ({"supports": [Support(left, velocity=(np.nan, 0))]}, "support 0: velocity = .*give two components"),
