@@ -41,10 +41,11 @@ MIN_TURN = 1e-3
 LIGHT, WIDE = 0.3, 0.6
 # In static steps: the half-width up to which contact points are the closest ones and slide with the iterate, and the
 # least turn of a segment under load, over that in the reference. Shares of the shift have no place there: the contact
-# would be a vertex in part, and solves alternate between its sides.
+# would be a vertex in part, and solves alternate between its sides (test_sliding_contacts).
 SLIDING, LEAST_TURN = 0.5, 0.5
 # A tenth of the largest stable share, 3.3 (c dt / h)^2. Forces of a disc that comes to rest on a wall alternate from
-# step to step, with c dt / h = 0.06, by 35 % without means, by 10 % with 1, and by 0.1 % with 0.3 and 0.1.
+# step to step, with c dt / h = 0.06, by 35 % without means, by 10 % with 1, and by 0.1 % with 0.3 and 0.1
+# (test_closest_points).
 FOLLOWS = 0.3
 
 

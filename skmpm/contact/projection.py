@@ -26,8 +26,10 @@ from skmpm.contact.shifts import guarded
 from skmpm.outline import Cubics, Curve
 from skmpm.parallel import over_points
 
-MAX_DEPTH = 1.0  # [cells] of a contact: a deeper point is closer to the opposite side of thin bodies
-CORNER_DISC_DEPTH = 0.05  # [cells] from a convex corner to the centre of the disc that rounds it in corner contact
+# [cells] of a contact: a deeper point is closer to the opposite side of thin bodies (test_sliding_contacts).
+MAX_DEPTH = 1.0
+# [cells] From a convex corner to the centre of the disc that rounds it in corner contact (test_contact).
+CORNER_DISC_DEPTH = 0.05
 
 
 @dataclass(frozen=True)

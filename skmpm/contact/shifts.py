@@ -10,7 +10,8 @@ from skmpm.arrays import Array, Bools, Ints
 from skmpm.contact.constraints import lookup
 
 # [segments] Smaller shifts are zero. A shifted contact keeps a second one at the boundary point, because a force at
-# the contact point dents the outline there, and the boundary point would pass a wall by up to 0.02 cells in impacts.
+# the contact point dents the outline there, and the boundary point would pass a wall by up to 0.02 cells in impacts
+# (test_closest_points).
 MIN_SHIFT = 0.02
 
 
