@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.arrays import Array, Ints
+from skmpm.arrays import EXACT, Array, Ints
 from skmpm.grid.assembly import Assembly, Selection
 from skmpm.material import (
     Anchored,
@@ -159,6 +159,7 @@ class Bulk(Term):
             elastic=np.array([start, end - plastic]),
             plastic=plastic,
             rounding=float(np.finfo(float).eps) * modulus,  # a strain energy is a small difference of terms as large
+            noise=EXACT**2 * modulus,  # energy of strains that are round-off
             swing=swing,
         )
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from skmpm.arrays import ROUND_OFF, Array, Bools, Ints
+from skmpm.arrays import Array, Bools, Ints
 from skmpm.scene import between_bodies
 from skmpm.scene.report import Timer
 from skmpm.step.contact_problem import ContactIterate, ContactProblem
@@ -29,10 +29,10 @@ from skmpm.step.no_equilibrium import no_equilibrium, travel
 from skmpm.step.rotation import RigidMotion
 from skmpm.step.terms import Configuration
 
-# Shares of the shear modulus of a body that its metric has: in the first solve of bodies at rest, and the largest of
-# all; the least is round-off. With less than the first, solves of bodies that buckle fail; with twice as much boxes
-# take more iterations (test_statics). Bodies that supports hold have none.
-FIRST, LARGEST = 1e-4, 1.0
+# Shares of the shear modulus of a body that its metric has: in the first solve of bodies at rest, the least (with a
+# tenth of it a plus falls off an L, test_assemblies) and the largest. With less than the first, solves of bodies that
+# buckle fail; with twice as much boxes take more iterations (test_statics). Bodies that supports hold have none.
+FIRST, LEAST, LARGEST = 1e-4, 1e-8, 1.0
 # Twice and half of the next three are wrong about heaps that stand or discs that fall (test_equilibrium).
 MOTION = 0.1  # [cells] of a body that nothing holds in one solve, beyond what prescribed motions move
 TOO_FAR = 0.2  # [cells] beyond them: such a solve is repeated with a larger share
@@ -139,7 +139,7 @@ class _Metric:
         held = np.zeros(grid.bodies, dtype=bool) if increment.supports is None else increment.supports.holds
         unit = np.repeat((modulus / motion.total)[grid.node_body] * motion.mass, 2)
         wanted = unheld / (MOTION * grid.cell / increment.dt * np.maximum(modulus, 1e-300))
-        first, least = np.where(held, 0.0, np.clip(wanted, FIRST, LARGEST)), np.full(grid.bodies, ROUND_OFF)
+        first, least = np.where(held, 0.0, np.clip(wanted, FIRST, LARGEST)), np.full(grid.bodies, LEAST)
         return _Metric(unit, grid.node_body, held, first, least, np.zeros(grid.bodies))
 
     def applied(self, increment: Increment, centre: Array, guess: Array) -> Increment:

@@ -41,6 +41,7 @@ class Budget:
     plastic: float = 0.0  # dissipated by changes of the internal variables of materials
     tolerated: float = 0.0  # work of contact forces on open gaps, within `gap_tol`
     rounding: float = 0.0  # round-off of strain energies, kinetic energy of gap velocities that are round-off
+    noise: float = 0.0  # round-off of energies
     swing: float = 0.0  # of the energy at the end about the one that is conserved
     overlap: float = 0.0  # largest part of an initial overlap that the step removes [m]
     overlapping: Ints = field(default_factory=lambda: np.zeros(2, dtype=np.int64))  # the two bodies that overlap so
@@ -66,7 +67,7 @@ class Budget:
     def largest(self) -> float:
         """The largest of the energies."""
         sums = (self.before, self.after, self.external)
-        return float(max(*self.springs, *np.abs(sums), self.push_out, self.viscous, self.plastic, 1e-300))
+        return float(max(*self.springs, *np.abs(sums), self.push_out, self.viscous, self.plastic, self.noise, 1e-300))
 
     @property
     def exchanged(self) -> float:
