@@ -85,11 +85,9 @@ class ScalarMotion:
     rates: sp.csr_array  # angular velocities of q rigid bodies, (q, p)
     arms: sp.csr_array  # of the contacts about their centres, negative for second bodies, (q, 2 k)
 
-    @staticmethod
-    def none(contacts: int) -> ScalarMotion:
-        """The motion without unknowns."""
-        rows = sp.csr_array((contacts, 0))
-        return ScalarMotion(rows, (rows, rows), sp.csr_array((0, 0)), sp.csr_array((0, 2 * contacts)))
+    def slipping(self, chosen: Ints) -> sp.csr_array:
+        """The columns (2 l, p) of the rows of contacts that slip: they slide, and second bodies turn."""
+        return sp.csr_array(sp.vstack([self.slide[chosen], -self.spins[1][chosen]], format="csr"))
 
     def turning(self, constraints: Constraints, chosen: Ints, sliding: Array | float) -> sp.csr_array:
         """The columns (chosen, p) of `Constraints.turning` for the unknowns."""
@@ -110,23 +108,25 @@ def contact_stiffness(
     if constraints.tangential:
         chosen = chosen[~sticking(constraints.lifted(r, dt), constraints.friction)[chosen]]
     sliding = pressed[(constraints.geometry.travel[pressed] > 0.0) & (constraints.normal_part(r)[pressed] > 0.0)]
-    motion = ScalarMotion.none(constraints.size) if motion is None else motion
-    virial = motion.arms @ constraints.vectors(r)
-    turning = np.flatnonzero(np.abs(virial) * abs(motion.rates).sum(axis=1) > 0.0)
-    parts = [
-        part
-        for part in (
-            _slipping(constraints, r, chosen, motion, dt, theta) if chosen.size else None,
-            _sliding_points(constraints, r, sliding, motion, dt, theta) if sliding.size else None,
-            _turning(constraints, turning, virial, motion, dt, theta) if turning.size else None,
-        )
-        if part is not None
-    ]
+    parts = []
+    if chosen.size:
+        parts.append(_slipping(constraints, r, chosen, motion, dt, theta))
+    if sliding.size:
+        parts.append(_sliding_points(constraints, r, sliding, motion, dt, theta))
+    if motion is not None:
+        parts += _turning(constraints, r, motion, dt, theta)
     if not parts:
         return None
-    Z, acting, Z_scalars, acting_scalars = (
-        sp.csr_array(sp.vstack([part.rows[i] for part in parts], format="csr")) for i in range(4)
+    Z, acting = (
+        sp.csr_array(sp.vstack(rows, format="csr"))
+        for rows in ([part.Z for part in parts], [part.acting for part in parts])
     )
+    Z_scalars = acting_scalars = sp.csr_array((Z.shape[0], 0))
+    if motion is not None:
+        Z_scalars, acting_scalars = (
+            sp.csr_array(sp.vstack(rows, format="csr"))
+            for rows in zip(*(part.scalars for part in parts), strict=True)
+        )
     compliance = sp.csr_array(sp.block_diag([part.compliance for part in parts], format="csr"))
     ratio, negative = _friction_ratio(constraints, r, chosen), sum(part.negative for part in parts)
     return ContactStiffness(chosen, ratio, sliding, Z, acting, Z_scalars, acting_scalars, compliance, negative)
@@ -134,15 +134,17 @@ def contact_stiffness(
 
 @dataclass(frozen=True)
 class _Part:
-    """Rows of one kind: of Z, of `acting`, and the columns of both for scalar unknowns."""
+    """Rows of one kind."""
 
-    rows: tuple[sp.csr_array, sp.csr_array, sp.csr_array, sp.csr_array]
+    Z: sp.csr_array
+    acting: sp.csr_array
+    scalars: tuple[sp.csr_array, ...]  # columns of both for scalar unknowns; empty where there are none
     compliance: sp.sparray
     negative: int  # eigenvalues of the compliance
 
 
 def _slipping(
-    constraints: Constraints, r: Array, chosen: Ints, motion: ScalarMotion, dt: float, theta: float
+    constraints: Constraints, r: Array, chosen: Ints, motion: ScalarMotion | None, dt: float, theta: float
 ) -> _Part:
     """Contacts that slip or have no friction: their normals rotate, their feet move."""
     ratio = _friction_ratio(constraints, r, chosen)
@@ -151,9 +153,9 @@ def _slipping(
         sp.csr_array(sp.vstack([slide, turned], format="csr"))
         for turned in (rotation, rotation + sp.diags_array(ratio) @ stretch)
     )
-    scalars = sp.csr_array(sp.vstack([motion.slide[chosen], -motion.spins[1][chosen]], format="csr"))
+    scalars = () if motion is None else (motion.slipping(chosen),) * 2
     compliance = _compliance(constraints, chosen, constraints.normal_part(r)[chosen], ratio, dt, theta)
-    return _Part((Z, acting, scalars, scalars), compliance, chosen.size)
+    return _Part(Z, acting, scalars, compliance, chosen.size)
 
 
 def _friction_ratio(constraints: Constraints, r: Array, chosen: Ints) -> Array:
@@ -164,7 +166,7 @@ def _friction_ratio(constraints: Constraints, r: Array, chosen: Ints) -> Array:
 
 
 def _sliding_points(
-    constraints: Constraints, r: Array, sliding: Ints, motion: ScalarMotion, dt: float, theta: float
+    constraints: Constraints, r: Array, sliding: Ints, motion: ScalarMotion | None, dt: float, theta: float
 ) -> _Part:
     """Contact points that slide along their outlines. Forces of those that stick do not turn."""
     normal, direction = constraints.normal_part(r)[sliding], constraints.normal[:, sliding]
@@ -176,18 +178,20 @@ def _sliding_points(
         direction = direction + ratio * constraints.tangent[:, sliding]
         weight = np.where(sticks, 0.0, 1.0 + ratio**2)
     acting = constraints.turning(sliding, direction, weight)
-    scalars = motion.turning(constraints, sliding, 1.0), motion.turning(constraints, sliding, weight)
+    scalars = () if motion is None else tuple(motion.turning(constraints, sliding, each) for each in (1.0, weight))
     compliance = sp.diags_array(1.0 / (theta * dt * normal * constraints.geometry.travel[sliding]))
-    return _Part((Z, acting, *scalars), compliance, 0)
+    return _Part(Z, acting, scalars, compliance, 0)
 
 
-def _turning(
-    constraints: Constraints, turning: Ints, virial: Array, motion: ScalarMotion, dt: float, theta: float
-) -> _Part:
-    """Rigid bodies with a virial of contact impulses (q,) [kg m2/s per m]: forces keep directions, arms turn."""
-    none, rates = sp.csr_array((turning.size, 2 * constraints.difference.shape[1])), motion.rates[turning]
-    compliance = sp.diags_array(1.0 / (theta * dt * virial[turning]))
-    return _Part((none, none, rates, rates), compliance, int((virial[turning] < 0.0).sum()))
+def _turning(constraints: Constraints, r: Array, motion: ScalarMotion, dt: float, theta: float) -> list[_Part]:
+    """Rigid bodies that turn, with a virial of their contact impulses: forces keep directions, arms turn."""
+    virial = motion.arms @ constraints.vectors(r)  # [kg m2/s per m]
+    chosen = np.flatnonzero(np.abs(virial) * abs(motion.rates).sum(axis=1) > 0.0)
+    if chosen.size == 0:
+        return []
+    none, rates = sp.csr_array((chosen.size, 2 * constraints.difference.shape[1])), motion.rates[chosen]
+    compliance = sp.diags_array(1.0 / (theta * dt * virial[chosen]))
+    return [_Part(none, none, (rates, rates), compliance, int((virial[chosen] < 0.0).sum()))]
 
 
 def _compliance(

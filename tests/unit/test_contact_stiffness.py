@@ -49,7 +49,8 @@ def linearised(scene):
 def test_the_second_derivative_of_the_gap(seed, apart):
     """By differences of fourth order along a random velocity; apart = 1.775 touches.
 
-    The third derivative of the gap jumps where a foot passes a boundary point: the best of three differences counts.
+    The third derivative of the gap jumps where a foot passes a boundary point, and short steps leave round-off: the
+    best of four differences counts.
     """
     linearise, unknowns = linearised(pair(apart))
     rng = np.random.default_rng(seed)
@@ -65,7 +66,7 @@ def test_the_second_derivative_of_the_gap(seed, apart):
     expected = -(kappa * tau**2 + 2.0 * tau * beta + g * beta**2) / (1.0 - g * kappa)
     weights = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12.0  # of fourth order
     errors = []
-    for step in (1e-3, 5e-4, 2.5e-4):
+    for step in (4e-3, 2e-3, 1e-3, 5e-4):
         others = [linearise(at + steps * step * direction) for steps in (-2.0, -1.0, 0.0, 1.0, 2.0)]
         if not all(np.array_equal(other.key, rows.key) for other in others):
             return
