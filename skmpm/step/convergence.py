@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from skmpm.arrays import Array
-from skmpm.scene import TOUCHING
 from skmpm.step.contact_problem import ContactIterate
 from skmpm.step.equations import Increment
 from skmpm.step.errors import StepRejected, indefinite, worst_body
 from skmpm.step.matrix import check_stiffness
+from skmpm.step.rotation import MAX_DRIFT
 
 # Iterations with contacts after which it is given up unless one of them came closer to convergence: two to four are
 # usual; contacts that snap by a cell take 20 to 30, most of them on a plateau of up to eight. From 10 to 40
@@ -63,9 +63,9 @@ def unmet_criteria(
         unmet.append((_largest(increment, contact, out_of_balance), size))
     if contact is not None and not residual <= scheme.gap_tol:
         unmet.append((contact.worst_pair(), f"contact residual {residual:.2g} (tolerance {scheme.gap_tol:g})"))
-    if not drift.max() <= TOUCHING:
+    if not drift.max() <= MAX_DRIFT:
         b = int(np.argmax(drift))
-        size = f"out-of-balance momentum that moves it by {drift[b]:.2g} cells (tolerance {TOUCHING:g})"
+        size = f"out-of-balance momentum that moves it by {drift[b]:.2g} cells (tolerance {MAX_DRIFT:g})"
         unmet.append((f"body {b}", size))
     return unmet
 

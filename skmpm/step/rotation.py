@@ -25,6 +25,10 @@ from skmpm.scene import TOUCHING
 from skmpm.step.equations import Increment
 from skmpm.step.terms import Configuration
 
+# [cells] Displacement of a body by the final correction of its momentum. With 1e-3 stresses of contacts miss those of
+# walls by 4e-6 (test_shear_cell).
+MAX_DRIFT = 1e-4
+
 
 @dataclass(frozen=True)
 class RigidMotion:
@@ -76,12 +80,12 @@ def with_balanced_momentum(
     Bodies are translated. The balance includes the contact impulse at w or, in long steps of bodies under pressure,
     that of the last contact solve, `last_impulse`, along the normals of the previous iteration: a full Newton step
     balances the latter to round-off, whatever the mass. After a shortened step both corrections may move a body by
-    more than touching bodies may overlap, `TOUCHING`. In scenes with supports, which balance momentum by their
+    more than `MAX_DRIFT`. In scenes with supports, which balance momentum by their
     reactions, w is returned as it is.
     """
     for impulse in _balanced_by(increment, contact_impulse, last_impulse):
         error = _error(increment, w, impulse)
-        if _displacement(increment, error).max() <= TOUCHING:
+        if _displacement(increment, error).max() <= MAX_DRIFT:
             return increment.with_scalars(
                 increment.on_nodes(w) - error.T[increment.grid.node_body].ravel(), increment.of_scalars(w)
             )
