@@ -157,18 +157,19 @@ class FreeBodies(Unknowns):
         return np.asarray(self._free * np.stack([*own, np.zeros_like(own[0])], axis=1).ravel())
 
     def _on_side(self, constraints: Constraints, side: int) -> tuple[Ints, Ints]:
-        """The contacts with one of these on one side, and which of these it is."""
+        """The contacts with one of these on one side, (c,), and which of these it is, (c,)."""
         number = np.full(int(max(constraints.bodies.max(initial=0), self.bodies.max())) + 1, -1)
         number[self.bodies] = np.arange(self.bodies.size)
         members = constraints.bodies[side]
         body = np.where(members < 0, -1, number[np.maximum(members, 0)])
-        return np.flatnonzero(body >= 0), body
+        contact = np.flatnonzero(body >= 0)
+        return contact, body[contact]
 
     def spins(self, constraints: Constraints, side: int) -> sp.csr_array:
         """From z to the angular velocities of the bodies on one side of the contacts [rad/s], (k, 3 n)."""
         k, body = self._on_side(constraints, side)
-        rate = self.start.free[2, body[k]] / self.start.radius[body[k]]
-        return sp.csr_array((rate, (k, 3 * body[k] + 2)), shape=(constraints.size, self.inertia.v0.size))
+        rate = self.start.free[2, body] / self.start.radius[body]
+        return sp.csr_array((rate, (k, 3 * body + 2)), shape=(constraints.size, self.inertia.v0.size))
 
     def turning(self, z: Array, constraints: Constraints) -> tuple[sp.csr_array, sp.csr_array]:
         """From z to the angular velocities of the bodies (n, 3 n) [rad/s], and arms of the contacts (n, 2 k) [m]."""
@@ -178,29 +179,28 @@ class FreeBodies(Unknowns):
         arms = sp.csr_array((count, 2 * size))
         for side, sign in ((0, 1.0), (1, -1.0)):
             k, body = self._on_side(constraints, side)
-            arm = sign * self._arms(z, constraints, side)
-            place = (np.tile(body[k], 2), np.concatenate([k, size + k]))
+            arm = sign * self._arms(z, constraints, side, k, body)
+            place = (np.tile(body, 2), np.concatenate([k, size + k]))
             arms = arms + sp.csr_array((arm.ravel(), place), shape=(count, 2 * size))
         return rate, sp.csr_array(arms)
 
-    def _arms(self, z: Array, constraints: Constraints, side: int) -> Array:
-        """Arms of the contacts with one of the bodies on one side, about its centre at the end of the step, [m]."""
-        k, body = self._on_side(constraints, side)
+    def _arms(self, z: Array, constraints: Constraints, side: int, k: Ints, body: Ints) -> Array:
+        """Arms (2, c) of contacts k with some of the bodies on one side, about centres at the end of the step [m]."""
         centre = self.start.centre + self.dt * self._with_spins(z)[:2]
         at = constraints.x[:, k] - (constraints.image[:, k] if side else 0.0)
-        return np.asarray(at - centre[:, body[k]])
+        return np.asarray(at - centre[:, body])
 
     def rows(self, z: Array, constraints: Constraints, directions: Sequence[Array]) -> sp.csr_array:
         """From z to relative velocities (d k, 3 n), about the centres at the end of the step."""
         row, column, data = [], [], []
         for side, sign in ((0, 1.0), (1, -1.0)):
             k, body = self._on_side(constraints, side)
-            arm = self._arms(z, constraints, side) / self.start.radius[body[k]]
+            arm = self._arms(z, constraints, side, k, body) / self.start.radius[body]
             for i, direction in enumerate(directions):
                 d = direction[:, k]
-                each = np.stack([d[0], d[1], arm[0] * d[1] - arm[1] * d[0]]) * self.start.free[:, body[k]]
+                each = np.stack([d[0], d[1], arm[0] * d[1] - arm[1] * d[0]]) * self.start.free[:, body]
                 row.append(np.tile(len(directions) * k + i, 3))
-                column.append((3 * body[k] + np.arange(3)[:, None]).ravel())
+                column.append((3 * body + np.arange(3)[:, None]).ravel())
                 data.append(sign * each.ravel())
         shape = (len(directions) * constraints.size, self.inertia.v0.size)
         entries = (np.concatenate(data), (np.concatenate(row), np.concatenate(column)))

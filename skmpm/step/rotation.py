@@ -80,8 +80,7 @@ def with_balanced_momentum(
     Bodies are translated. The balance includes the contact impulse at w or, in long steps of bodies under pressure,
     that of the last contact solve, `last_impulse`, along the normals of the previous iteration: a full Newton step
     balances the latter to round-off, whatever the mass. After a shortened step both corrections may move a body by
-    more than `MAX_DRIFT`. In scenes with supports, which balance momentum by their
-    reactions, w is returned as it is.
+    more than `MAX_DRIFT`. In scenes with supports, which balance momentum by their reactions, w is returned as it is.
     """
     for impulse in _balanced_by(increment, contact_impulse, last_impulse):
         error = _error(increment, w, impulse)
