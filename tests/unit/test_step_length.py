@@ -360,12 +360,13 @@ def test_a_motion_that_starts_at_rest_is_followed():
             ],
             cell=CELL,
             walls=[Wall((0, 0), (0, 1))],
+            friction=0.5,  # without it the disc escapes sideways when round-off has grown, at any time
         ),
     ]
     for scene in motions:
         states = list(simulate(scene, until=period))
         assert states[0].report.dt <= period / 8
-        assert 10 < len(states) < 500  # the rigid body throws the disc, whose impacts take most of them
+        assert 10 < len(states) < 100
         if scene.walls and callable(scene.walls[-1].velocity):
             t = np.array([s.t for s in states])
             exact = 2.0 * R - 0.025 * R * (1.0 - np.cos(2.0 * np.pi * t / period))
