@@ -25,7 +25,13 @@ from scipy.sparse.linalg import splu
 
 from skmpm.arrays import EXACT, Array
 from skmpm.compiled import compiled
-from skmpm.coulomb.krylov import TOLERANCE, NotConvergedError, by_incomplete_factor, by_known_factor
+from skmpm.coulomb.krylov import (
+    ROUGH_TOLERANCE,
+    TOLERANCE,
+    NotConvergedError,
+    by_incomplete_factor,
+    by_known_factor,
+)
 from skmpm.coulomb.problem import (
     OPEN,
     REGULARISATION,
@@ -50,7 +56,7 @@ PATIENCE = 3
 POLISH = 1e-2
 # A Krylov solver solves roughly while more than this fraction of the contacts change their states: of 3,000 in a
 # dense packing 200 change in the first step, 6 in the second, none in the third.
-MANY_CHANGES, ROUGH_TOLERANCE = 0.01, 1e-4
+MANY_CHANGES = 0.01
 MAX_CHANGES = 8  # contacts of other states up to which a known factor is used again
 # Pivots on the diagonal over the largest entry of their columns, above which rows keep their order, the one with
 # little fill. With 0.01 the LU of a dense packing has 1.35 times the entries and takes 1.6 times as long; solutions
