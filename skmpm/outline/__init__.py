@@ -24,6 +24,7 @@ from skmpm.outline.measures import (
 from skmpm.outline.near import both_ways, candidates, closest, distance_to_segment, facing, inside
 from skmpm.outline.overlaps import box_pairs, boxes, overlap
 from skmpm.outline.polylines import Polylines, joined, polylines
+from skmpm.outline.tips import tip_angles
 from skmpm.outline.topology import Outlines, outlines
 from skmpm.outline.widths import inclined_thickness, slit_width, thickness
 
@@ -74,6 +75,7 @@ __all__ = [
     "slit_width",
     "tangent",
     "thickness",
+    "tip_angles",
     "turning_angles",
     "turns",
     "without_images",

@@ -164,6 +164,10 @@ TABLE = (
     Limit("slit", "slits", 2.0, lambda m: Reading(m.own, m.slit + m.chords, m.cell),
           "{value} cells across its narrowest slit of {size} m; slits of 0.5, 1, 1.5, 2, 3 cells open by up to 91,"
           " 90, 86, 8, 8 % too little; use cell = {smaller} m or less, or close it", "test_slits", least=True),
+    Limit("tip", "sharp-tips", 50.0, of.tips,
+          "a tip of {value} degrees at ({x:.4g}, {y:.4g}) m, over a cell to either side; of three packings of rhombi"
+          " with tips of 60, 50, 40, 30, 20 degrees 3, 3, 1, 1, 0 bore 3 % of E; use a tip rounded by {radius} m",
+          "test_tips", least=True),
     Limit("points per cell", "points-per-cell", 1.8,
           lambda m: Reading(m.own, m.points_per_cell, facts={"spacing": floored(0.74 * m.cell)}),
           "{value} points per cell of material; verified from {limit} on; with 1.3 a uniform stress was too small"

@@ -86,6 +86,19 @@ def inclined_parts(m: SceneMetrics) -> Reading:
     return Reading(m.own, width / m.cell + m.chords, scale=m.cell)
 
 
+def tips(m: SceneMetrics) -> Reading | None:
+    """Angles of the sharpest tips of bodies that may meet others, over a cell to either side [degrees]."""
+    if not m.touches or acts_at_grid_nodes(m.scheme.contact):
+        return None
+    boundary, x = m.scene.outlines, m.boundary
+    angle = np.rad2deg(outline.tip_angles(boundary, x, m.cell))
+    own = np.flatnonzero(m.scene.deformable[boundary.body])
+    sharpest = own[np.lexsort([angle[own], boundary.body[own]])]
+    body, first = np.unique(boundary.body[sharpest], return_index=True)
+    at = sharpest[first]
+    return Reading(body, angle[at], facts={"x": x[0, at], "y": x[1, at], "radius": f"{0.5 * m.cell:.3g}"})
+
+
 def waves(m: SceneMetrics) -> Reading | None:
     """Cells that pressure waves travel in a given step, if it must resolve them.
 

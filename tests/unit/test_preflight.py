@@ -269,6 +269,14 @@ def slotted():
     return Points(x, np.full(x.shape[1], 272.0 / x.shape[1]), (np.array(loop),))
 
 
+def rhombus(degrees):
+    """Sides of 20 that meet at these angles at its left and right ends, above a floor."""
+    square, half = box((0.0, 0.0), (20.0, 20.0), spacing=0.5), np.deg2rad(degrees) / 2.0
+    shear = np.array([[np.cos(half), np.cos(half)], [-np.sin(half), np.sin(half)]])
+    points = replace(square, x=shear @ square.x, volume=np.linalg.det(shear) * square.volume)
+    return Scene([Body(points, GEL)], cell=1.0, walls=[Wall((0.0, -40.0), (0.0, 1.0))])
+
+
 def lid(value):
     walls = [Wall((0, -2 * R), (0, 1)), Wall((0, 2 * R), (0, -1), velocity=(0.0, -value * H / DT))]
     return pair(walls=walls)
@@ -291,6 +299,8 @@ LIMITED = {  # limit, what the warning says first, scene of a value, dt of scene
                              cell=R / v), None, {}),
     "slit": ("slit", r"body 0: 1\.9998 cells across its narrowest slit of 2 m;",
              lambda v: Scene([Body(slotted(), GEL)], cell=2.0 / v), None, {}),
+    "tip": ("tip", r"body 0: a tip of 49\.995 degrees at \(-?[\d.e-]+, -?[\d.e-]+\) m, over a cell to", rhombus, None,
+            {}),
     "points": ("points per cell", r"body 0: 1\.7998 points per cell of material;",
                lambda v: small(300, np.sqrt(300 / np.pi / v)), None, {}),
     "sampling": ("error of a uniform stress",
