@@ -138,6 +138,8 @@ TABLE = (
     Limit("wall moves away", "what-acts", nan, of.leaving_walls,
           "its velocity ({x:.3g}, {y:.3g}) m/s leads away from all bodies, and nothing follows it; use the opposite"
           " velocity if it is to press"),
+    Limit("wall is pulled away", "what-acts", nan, of.pulled_walls,
+          "its force or pressure, {by:.3g}, leads away from the bodies; use a positive one, which presses"),
     Limit("overlap left", "overlap", 0.01,
           lambda m: Reading(["overlap"], (1.0 - PUSH_OUT) ** m.steps, facts={"steps": m.steps})
           if m.steps is not None and m.scene.overlap > 0.0 and not m.scheme.inertia else None,
@@ -171,7 +173,7 @@ TABLE = (
     Limit("points per cell", "points-per-cell", 1.8,
           lambda m: Reading(m.own, m.points_per_cell, facts={"spacing": floored(0.74 * m.cell)}),
           "{value} points per cell of material; verified from {limit} on; with 1.3 a uniform stress was too small"
-          " by up to 66 %; use a spacing of {spacing} m or less", "test_sampling, test_patch", least=True),
+          " by up to 66 %; use points {spacing} m apart or less", "test_sampling, test_patch", least=True),
     Limit("pieces", "sampling", nan, of.pieces,
           "its cells form {pieces} pieces that share no node; simulate refuses it; {better}"),
     # Of 1,500 discs and boxes with points 0.74 h apart six are beyond; with 0.66 h 0.009 is the most.
@@ -208,7 +210,7 @@ TABLE = (
     # A block with points 0.8 h apart is a third too soft at 0.49 where it is confined.
     Limit("nu with few points", "incompressibility", 0.48, of.confined,
           "nu = {value} with fewer than {points} points per cell; squeezed into 0.98 of its area, a disc with"
-          " points 0.74 h apart is 1 % too soft at 0.49, 11 % at 0.499; use a spacing of {spacing} m or less",
+          " points 0.74 h apart is 1 % too soft at 0.49, 11 % at 0.499; use points {spacing} m apart or less",
           "test_confined"),
     Limit("least nu", "incompressibility", 0.0, lambda m: Reading(m.own, m.extremes(poisson_ratio)[0]),
           "nu = {value} is negative, which is rare; check its moduli, or `bulk` of a rubber", least=True),

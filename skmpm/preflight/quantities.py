@@ -71,6 +71,15 @@ def leaving_walls(m: SceneMetrics) -> Reading | None:
     return Reading([f"wall {i}" for i in away], facts={"x": v[0, away], "y": v[1, away]})
 
 
+def pulled_walls(m: SceneMetrics) -> Reading | None:
+    """Walls that a constant force or pressure pulls away from bodies that do not cohere."""
+    if m.cohesion > 0.0:
+        return None
+    given = {f"wall {i}": w.pressure if w.force is None else w.force for i, w in enumerate(m.scene.walls)}
+    pulled = {name: by for name, by in given.items() if isinstance(by, int | float) and by < 0.0}
+    return Reading([*pulled], facts={"by": np.array([*pulled.values()])})
+
+
 def _left_alone(m: SceneMetrics) -> bool:
     """Whether bodies are at rest, and at most constant gravity and constant given motions act on them."""
     scene = m.scene

@@ -708,6 +708,9 @@ FLOOR, LID = Wall((0, -1.1 * R), (0, 1)), Wall((0, 1.1 * R), (0, -1), velocity=(
         ({"walls": [FLOOR, replace(LID, velocity=(0.0, -0.1))]}, []),
         ({"walls": [FLOOR, LID]}, ["wall moves away"]),
         ({"walls": [FLOOR, LID], "gravity": (0.0, -9.81)}, ["wall moves away"]),
+        ({"walls": [FLOOR, Wall((0, 1.1 * R), (0, -1), force=-1.0)]}, ["wall is pulled away"]),
+        ({"walls": [FLOOR, Wall((0, 1.1 * R), (0, -1), force=lambda t: -1.0)]}, []),
+        ({"walls": [FLOOR, Wall((0, 1.1 * R), (0, -1), force=-1.0)], "cohesion": 1.0, "cohesion_range": H}, []),
         ({"walls": [FLOOR, LID], "gravity": (0.0, 9.81)}, []),  # bodies fall after it
         ({"walls": [replace(FLOOR, velocity=(0.0, 0.1)), LID]}, []),  # both go up
         ({"walls": [FLOOR, LID], "cohesion": 1.0, "cohesion_range": H}, []),
@@ -719,6 +722,8 @@ def test_a_warning_where_nothing_happens(options, kinds):
     assert [w.kind for w in found.warnings if w.section == "what-acts"] == kinds
     if kinds == ["wall moves away"]:
         assert "wall 1: its velocity (0, 0.1) m/s leads away from all bodies" in str(found)
+    if kinds == ["wall is pulled away"]:
+        assert "wall 1: its force or pressure, -1, leads away from the bodies" in str(found)
 
 
 def test_sizes_have_units_and_millimetres_given_as_metres_are_told():
