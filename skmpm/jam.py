@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -16,6 +17,8 @@ from skmpm.scene.values import number, positive
 from skmpm.scheme import Scheme
 from skmpm.step.algorithm import step
 from skmpm.step.initial_state import initial
+
+_log = logging.getLogger("skmpm")
 
 STATIC = Scheme(inertia=False)
 # Pressure over the largest bounded modulus of the bodies above which a packing is jammed. Without a network of forces
@@ -117,7 +120,7 @@ def jam(
     tolerance. If that one, compressed to the other end, does not bear the pressure, as where grains have rearranged,
     the search goes on from there. By this protocol jamming points of soft particles are found by energy minimisation
     (O'Hern, Silbert, Liu & Nagel, Phys. Rev. E 68 (2003) 011306, and the bisection of JaxDEM): solid fractions
-    compare one to one.
+    compare one to one. Each packing at rest is logged at level INFO.
 
     Examples
     --------
@@ -259,6 +262,12 @@ class _Search:
         """The packing after a static step, with a row of the table."""
         after = step(scene, state, 1.0, scheme=STATIC)
         seen = observe(scene, after)
+        _log.info(
+            "jam: at rest at a nominal solid fraction of %.6g, pressure %s, coordination %.3g without rattlers",
+            seen.solid_fraction_nominal,
+            quantity(seen.pressure, "Pa"),
+            seen.coordination_without_rattlers,
+        )
         self.rows.append(
             {
                 "solid_fraction_nominal": seen.solid_fraction_nominal,

@@ -105,6 +105,14 @@ def test_the_search_halves_from_the_looser_packing():
     assert (low, high) == pytest.approx(found.bracket, abs=1e-12)
 
 
+def test_each_packing_at_rest_is_logged(caplog):
+    with caplog.at_level("INFO", logger="skmpm"):
+        found = skmpm.jam(lattice("square", 0.01), tolerance=1e-4)
+    lines = [line for line in caplog.messages if line.startswith("jam: at rest")]
+    assert len(lines) == found.path["pressure"].size
+    assert f"solid fraction of {found.path['solid_fraction_nominal'][-1]:.6g}, pressure" in lines[-1]
+
+
 def test_it_shows_what_was_found():
     found = skmpm.jam(lattice("square", 0.004), tolerance=1e-3)
     assert re.fullmatch(
