@@ -4,7 +4,8 @@
     python -m examples.studies.packing_ensemble figures                # the page from what has been run
     python -m examples.studies.packing_ensemble archive                # what has finished, for another machine
     python -m examples.studies.packing_ensemble main_job --discs 300   # one packing, with checks at every step
-    python -m examples.studies.packing_ensemble steps                  # what the step of the main job costs
+    python -m examples.studies.packing_ensemble choices steps          # what the step of the main job costs
+    python -m examples.studies.packing_ensemble choices resolution     # and its cells and points
 
 `python examples/studies/packing_ensemble` does the same by path; every command knows --help.
 """
@@ -15,9 +16,9 @@ from pathlib import Path
 if not __package__:  # run by path: the packages are looked for in the root of the repository
     sys.path[0] = str(Path(__file__).resolve().parents[3])
 
-from examples.studies.packing_ensemble import archive, figures, main_job, steps, study
+from examples.studies.packing_ensemble import archive, choices, figures, main_job, study
 
-COMMANDS = {"archive": archive, "figures": figures, "main_job": main_job, "steps": steps}
+COMMANDS = {"archive": archive, "choices": choices, "figures": figures, "main_job": main_job}
 
 if __name__ == "__main__":
     chosen = COMMANDS[sys.argv.pop(1)] if sys.argv[1:2] and sys.argv[1] in COMMANDS else study

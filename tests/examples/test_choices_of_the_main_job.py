@@ -1,4 +1,4 @@
-"""The table of what the step of the main job costs."""
+"""The tables of what the step, cells and points of the main job cost."""
 
 import csv
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from examples import compaction
-from examples.studies.packing_ensemble import steps
+from examples.studies.packing_ensemble import choices
 
 
 def written(place, factor):
@@ -24,16 +24,17 @@ def written(place, factor):
 def test_deviations_and_scatter_are_those_of_the_runs(tmp_path, capsys):
     """Two packings that differ by a fifth, and steps of 8 us that press a tenth more in both."""
     for seed, packing in enumerate((0.9, 1.1)):
-        for dt, factor in zip(steps.STEPS, (1.0, 1.1, 1.0), strict=True):
-            written(tmp_path / f"{1e6 * dt:g}us_seed{seed}", packing * factor)
-    steps.main(steps.parser().parse_args(["--out", str(tmp_path), "--packings", "2"]))
+        for chosen, factor in zip(choices.steps().values(), (1.0, 1.1, 1.0), strict=True):
+            written(choices.place_of(tmp_path, chosen, seed), packing * factor)
+    choices.main(choices.parser().parse_args(["steps", "--out", str(tmp_path), "--packings", "2"]))
     rows = [line.split(" | ") for line in capsys.readouterr().out.splitlines()[2:]]
     assert [row[2] for row in rows[:3]] == ["+10.0 / 10.0 %", "+0.0 / 0.0 %", "14.1 %"]
     assert all(row[3] == "+0.0 / 0.0 %" for row in rows if "steps" in row[1])
 
 
-def test_a_step_is_run_by_the_main_example(tmp_path):
-    place = steps.run(tmp_path, 13.3e-6, 3, ["--discs", "5", "--until", "0.71"])
-    found = steps.curves(place)
-    assert found["solid_fraction_nominal"][-1] == pytest.approx(0.71, abs=1e-3)
-    assert steps.run(tmp_path, 13.3e-6, 3, ["--discs", "no number"]) == place
+def test_a_choice_is_run_by_the_main_example_once(tmp_path, monkeypatch):
+    chosen = [*choices.resolution()["R/h = 5, points 0.74 h apart"], "--discs", "5", "--until", "0.705"]
+    place = choices.run(tmp_path, chosen, 3)
+    assert choices.curves(place)["solid_fraction_nominal"][-1] == pytest.approx(0.705, abs=1e-3)
+    monkeypatch.setattr(compaction, "run", None)
+    assert choices.run(tmp_path, chosen, 3) == place
