@@ -38,3 +38,11 @@ def test_a_choice_is_run_by_the_main_example_once(tmp_path, monkeypatch):
     assert choices.curves(place)["solid_fraction_nominal"][-1] == pytest.approx(0.705, abs=1e-3)
     monkeypatch.setattr(compaction, "run", None)
     assert choices.run(tmp_path, chosen, 3) == place
+
+
+def test_options_of_the_main_example_come_last():
+    """As the text of the module says."""
+    (line,) = (line for line in choices.__doc__.splitlines() if " -- " in line)
+    words = line.partition("#")[0].split()
+    options = choices.parser().parse_args(words[words.index("choices") + 1 :])
+    assert (options.what, options.compaction) == ("resolution", ["--discs", "100"])

@@ -1,7 +1,7 @@
 """The step, cells and points of the main job: what coarser ones cost, against fine ones and the scatter of packings.
 
-    python -m examples.studies.packing_ensemble choices steps --out out/steps             # 25 minutes
-    python -m examples.studies.packing_ensemble choices resolution --out out/resolution -- --discs 100    # an hour
+    python -m examples.studies.packing_ensemble choices --out out/steps steps             # 25 minutes
+    python -m examples.studies.packing_ensemble choices --out out/resolution resolution -- --discs 100    # an hour
 
 Runs `compaction.py` for each packing with each choice, goes on if stopped, and prints the tables of
 `docs/studies/results.md`.
