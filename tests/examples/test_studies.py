@@ -10,7 +10,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 STUDIES = {
-    "packing_ensemble": ("", "choices", "figures", "main_job"),
+    "packing_ensemble": ("", "choices", "figures", "main_job", "own_jamming"),
     "work_precision": ("", "page", "promises"),
     "feature_cost": ("",),
     "periodic_shear": ("", "figures"),

@@ -6,6 +6,7 @@
     python -m examples.studies.packing_ensemble main_job --discs 300   # one packing, with checks at every step
     python -m examples.studies.packing_ensemble choices steps          # what the step of the main job costs
     python -m examples.studies.packing_ensemble choices resolution     # and its cells and points
+    python -m examples.studies.packing_ensemble own_jamming            # from which point coordination grows
 
 `python examples/studies/packing_ensemble` does the same by path; every command knows --help.
 """
@@ -16,9 +17,15 @@ from pathlib import Path
 if not __package__:  # run by path: the packages are looked for in the root of the repository
     sys.path[0] = str(Path(__file__).resolve().parents[3])
 
-from examples.studies.packing_ensemble import archive, choices, figures, main_job, study
+from examples.studies.packing_ensemble import archive, choices, figures, main_job, own_jamming, study
 
-COMMANDS = {"archive": archive, "choices": choices, "figures": figures, "main_job": main_job}
+COMMANDS = {
+    "archive": archive,
+    "choices": choices,
+    "figures": figures,
+    "main_job": main_job,
+    "own_jamming": own_jamming,
+}
 
 if __name__ == "__main__":
     chosen = COMMANDS[sys.argv.pop(1)] if sys.argv[1:2] and sys.argv[1] in COMMANDS else study
