@@ -8,6 +8,7 @@ import meshio
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from scipy.linalg import block_diag
 
 import skmpm
 from skmpm import LinearElastic, NeoHookean, Spring, coulomb, linear, spring_forces
@@ -281,7 +282,7 @@ def test_the_joined_inverse_and_its_delassus_operator_are_those_of_the_sum(solve
     A = assembly.matrix(assembly.stiffness(C), 1e-4)
     B, stiffness = springs.coupling(Configuration(np.zeros(2 * grid.nodes)))
     joined = linear.joined(solver(A, grid.blocks, grid.rigid_motions), B, 1e4 * stiffness, grid.blocks)
-    whole = A.toarray() + B.T @ (1e4 * sp.block_diag(list(stiffness)) @ B.toarray())
+    whole = A.toarray() + B.T @ (1e4 * block_diag(*stiffness) @ B.toarray())
     b = rng.normal(size=2 * grid.nodes)
     exact = np.linalg.solve(whole, b)
     np.testing.assert_allclose(joined(b), exact, atol=1e-6 * np.abs(exact).max())
