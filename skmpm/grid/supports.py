@@ -17,6 +17,9 @@ from skmpm.linear import Linear, Solver
 # Pivots of G'G below this fraction of the largest belong to nearly redundant constraints. At 1e-2 a cantilever at 45
 # degrees to the grid is 1.3 % too stiff instead of 4 % with all constraints (docs/developers/architecture.md).
 PIVOT_TOLERANCE = 1e-2
+# Cells between free points and the nodes inside of a held area that move as it is prescribed. Nearer ones follow from
+# the constraints, which leave out those that are nearly redundant.
+LAYERS = 3
 NO_ENTRY = 1e-13  # entries of the elimination matrices below this, of order one otherwise, are dropped
 
 
@@ -122,8 +125,23 @@ class Supported:
         return self.inner.delassus(sp.csr_array(H @ self.T))
 
 
-def eliminate(G: sp.csr_array, B: sp.csr_array, blocks: Ints, rigid_motions: Array) -> Elimination:
+def inner_nodes(interpolation: sp.csr_array, held: Bools) -> Bools:
+    """Nodes that move held points (points,) alone and lie more than `LAYERS` cells away from all others, (nodes,)."""
+    moves = sp.csr_array(
+        (np.ones(interpolation.nnz), interpolation.indices, interpolation.indptr), interpolation.shape
+    )
+    near = np.asarray(moves.T @ ~held) > 0.0
+    for _ in range(LAYERS):
+        near = np.asarray(moves.T @ (moves @ near)) > 0.0
+    return np.asarray(moves.T @ held > 0.0) & ~near
+
+
+def eliminate(
+    G: sp.csr_array, B: sp.csr_array, known: sp.csr_array, blocks: Ints, rigid_motions: Array
+) -> Elimination:
     """Eliminate unknowns by the constraints G v = B p, with G (m, n), B (m, k) and prescribed velocities p (k,).
+
+    The rows of `known` (n, k) that have entries are unknowns inside of held areas, `known` p.
 
     Constraints may be redundant, as those of many points in one cell are. A Cholesky factorisation of G'G with
     diagonal pivoting (LAPACK pstrf) selects the unknowns to eliminate, largest weights first, and stops where the
@@ -132,16 +150,20 @@ def eliminate(G: sp.csr_array, B: sp.csr_array, blocks: Ints, rigid_motions: Arr
     4 % too stiff at 8 cells over its depth (docs/developers/architecture.md). Connected sets of constraints are
     eliminated one after the other.
     """
-    n = G.shape[1]
+    n, holds = G.shape[1], _holds(G, blocks, rigid_motions)
+    inner = np.diff(known.indptr) > 0
+    if inner.any():
+        G, B = sp.csr_array(G @ _kept(np.where(inner, 0.0, 1.0))), sp.csr_array(B - G @ known)
+        G.eliminate_zeros()
     gram, right = sp.csr_array(G.T @ G), sp.csr_array(G.T @ B)
     parts = [_pivoted(gram, right, unknowns) for unknowns in _connected(gram)]
-    fixed = np.concatenate([pivots for pivots, *_ in parts])
+    fixed = np.concatenate([np.flatnonzero(inner), *(pivots for pivots, *_ in parts)])
     stays = np.ones(n)
     stays[fixed] = 0.0
     depend = _scattered([(pivots, others, D) for pivots, others, D, _ in parts], (n, n))
     every = np.arange(B.shape[1])
     prescription = _scattered([(pivots, every, prescribed) for pivots, _, _, prescribed in parts], (n, every.size))
-    return Elimination(_kept(stays) - depend, prescription, fixed, _holds(G, blocks, rigid_motions))
+    return Elimination(_kept(stays) - depend, sp.csr_array(prescription + known), fixed, holds)
 
 
 def _kept(stays: Array) -> sp.csr_array:
@@ -152,6 +174,8 @@ def _kept(stays: Array) -> sp.csr_array:
 
 def _scattered(parts: list[tuple[Ints, Ints, Array]], shape: tuple[int, int]) -> sp.csr_array:
     """Sparse matrix from dense blocks (rows, columns, values), without entries below `NO_ENTRY`."""
+    if not parts:
+        return sp.csr_array(shape)
     where = [np.nonzero(np.abs(values) > NO_ENTRY) for _, _, values in parts]
     row = [rows[at[0]] for (rows, _, _), at in zip(parts, where, strict=True)]
     column = [columns[at[1]] for (_, columns, _), at in zip(parts, where, strict=True)]
@@ -162,6 +186,8 @@ def _scattered(parts: list[tuple[Ints, Ints, Array]], shape: tuple[int, int]) ->
 def _connected(gram: sp.csr_array) -> Iterator[Ints]:
     """The unknowns of each connected set of constraints."""
     touched = np.flatnonzero(np.diff(gram.indptr))
+    if touched.size == 0:
+        return
     sets, label = connected_components(gram[touched][:, touched], directed=False)
     order = np.argsort(label, kind="stable")
     yield from np.split(touched[order], np.searchsorted(label[order], np.arange(1, sets)))

@@ -202,8 +202,8 @@ TABLE = (
           " peak pressure 1.4, 1.9, 4.2 times too high; use Scheme(mean_dilatation=None), the default",
           "test_mean_dilatation"),
     Limit("nu", "incompressibility", 0.49999, lambda m: None if m.scheme.mean_dilatation is False else of.nu(m),
-          "nu = {value}; mean dilatation was verified up to {limit}; `bulk` of a rubber may be in other units than its"
-          " other moduli; use {limit} or less", "test_locking"),
+          "nu = {value}; mean dilatation was verified up to {limit}; `bulk` of a rubber may be in other units than"
+          " its other moduli; use {limit} or less", "test_locking"),
     Limit("nu with amg", "incompressibility", 0.499,
           lambda m: of.nu(m) if m.scheme.mean_dilatation is not False and m.solver == "amg" else None,
           "nu = {value}; amg takes 130 iterations at {limit}, 430 at 0.49999; use linear.banded",

@@ -141,8 +141,8 @@ def suggest(
     than the radius of a disc of their area, as lips and rings, have cells enough for the error of their deflection.
     Interfaces of materials cost at most the error where they lie inside cells; where they lie on grid lines of the
     scene's own cell, the cell is a fraction of it. Points are at most half a cell apart for Poisson's ratios above
-    0.49. Small radii of outlines, as of lips and rounded corners, are not looked at: contact there is narrower than on
-    a disc of the same area.
+    0.49. Small radii of outlines, as of lips and rounded corners, are not looked at: contact there is narrower than
+    on a disc of the same area.
 
     Examples
     --------

@@ -8,11 +8,11 @@ import numpy as np
 import scipy.sparse as sp
 
 from skmpm import outline
-from skmpm.arrays import Array
+from skmpm.arrays import Array, Ints
 from skmpm.grid import BodyGrids, build_grids
 from skmpm.grid.assembly import prepare
 from skmpm.grid.moment_fitting import fitted_places, fitted_weights
-from skmpm.grid.supports import Elimination, eliminate
+from skmpm.grid.supports import Elimination, eliminate, inner_nodes
 from skmpm.material import bounded_modulus
 from skmpm.scene import Derived, Scene, State, support_arms
 from skmpm.scheme import Scheme, averages_dilatation
@@ -74,7 +74,25 @@ def _supports(scene: Scene, grid: BodyGrids) -> Elimination | None:
             size += own.size
     values, row, column = (np.concatenate(part) for part in zip(*entries, strict=True))
     B = sp.csr_array((values, (row, column)), shape=(size, 2 * (count + scene.turning.size)))
-    return eliminate(sp.csr_array(sp.vstack(rows)), B, grid.blocks, grid.rigid_motions)
+    known = _inside(scene, grid, number, B.shape[1])
+    return eliminate(sp.csr_array(sp.vstack(rows)), B, known, grid.blocks, grid.rigid_motions)
+
+
+def _inside(scene: Scene, grid: BodyGrids, number: Ints, columns: int) -> sp.csr_array:
+    """What supports that do not turn prescribe at nodes inside of held areas, (2 nodes, columns)."""
+    rows, prescribed = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
+    for i, (free, supported) in enumerate(zip(scene.free_components, scene.supported, strict=True)):
+        if i in scene.turning:
+            continue
+        held = np.zeros(grid.interpolation.shape[0], dtype=bool)
+        held[number[supported.points]] = True
+        inner = np.flatnonzero(inner_nodes(grid.interpolation, held))
+        for axis in np.flatnonzero(~free).tolist():
+            rows.append(2 * inner + axis)
+            prescribed.append(np.full(inner.size, 2 * i + axis))
+    row, first = np.unique(np.concatenate(rows), return_index=True)
+    entries = np.ones(row.size), (row, np.concatenate(prescribed)[first])
+    return sp.csr_array(entries, shape=(2 * grid.nodes, columns))
 
 
 def ghost_moduli(scene: Scene, scheme: Scheme, grid: BodyGrids) -> Array:

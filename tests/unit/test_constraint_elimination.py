@@ -39,7 +39,7 @@ def rows(grid, points, axes=(0, 1)):
 
 
 def eliminated(grid, G, B):
-    return eliminate(G, B, grid.blocks, grid.rigid_motions)
+    return eliminate(G, B, sp.csr_array(G.shape[::-1][:1] + B.shape[1:]), grid.blocks, grid.rigid_motions)
 
 
 @given(seed=st.integers(0, 999), ends=st.booleans(), x=st.floats(0, 0.99), y=st.floats(0, 0.99))

@@ -61,6 +61,32 @@ def test_supported_points_move_as_prescribed_and_free_components_do_not(offset):
     assert np.abs(moved[1, on(scene, right)]).max() > 1e-3  # it contracts
 
 
+@pytest.mark.parametrize("offset", [0.0, 0.037])
+def test_held_areas_cost_as_much_as_their_edges(monkeypatch, offset):
+    """Half of a block is held: twice as fine, four times the points, constraints solved at once grow twofold.
+
+    Its points move as prescribed, and so do nodes inside; the other half is carried along.
+    """
+    supports, largest = import_module("skmpm.grid.supports"), []
+    original = supports._pivoted
+
+    def counted(gram, right, unknowns):
+        largest[-1] = max(largest[-1], unknowns.size)
+        return original(gram, right, unknowns)
+
+    monkeypatch.setattr(supports, "_pivoted", counted)
+    for finer in (1, 2):
+        largest.append(0)
+        body = Body(box((offset, 0.0), (4, 4), spacing=0.1 / finer), SOFT)
+        scene = Scene([body], cell=0.2 / finer, supports=[Support(lambda x: x[1] > 2.0, velocity=(0.01, 0.02))])
+        after = step(scene, initial(scene, scheme=STATIC), 1.0, scheme=STATIC)
+        moved = after.x - scene.initial_positions
+        held = scene.initial_positions[1] > 2.0
+        assert np.abs(moved[:, held] - [[0.01], [0.02]]).max() < 1e-12
+        assert np.abs(moved - [[0.01], [0.02]]).max() < 1e-6
+    assert largest[0] < largest[1] < 2.2 * largest[0]
+
+
 @pytest.mark.parametrize("material", [STIFF, SOFT])
 @pytest.mark.parametrize("solver", [linear.banded, linear.amg])
 def test_supports_carry_the_loads(material, solver):
