@@ -5,6 +5,7 @@ import pytest
 import scipy.sparse as sp
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from scipy.linalg import block_diag
 from scipy.optimize import nnls
 
 from skmpm import coulomb
@@ -203,7 +204,7 @@ def test_warm_start_takes_fewer_iterations():
 @pytest.mark.parametrize("copies", [1, 80])
 def test_a_jam_is_reported_not_raised(friction, copies):
     """A particle of two dofs between two walls that close in: no impulse can open both gaps."""
-    W = sp.block_diag([np.kron([[1.0, -1.0], [-1.0, 1.0]], np.eye(2))] * copies, format="csr")
+    W = sp.csr_array(block_diag(*[np.kron([[1.0, -1.0], [-1.0, 1.0]], np.eye(2))] * copies))
     q = np.tile([-1.0, 0.0, -1.0, 0.0], copies)
     r, info = coulomb.solve(W, q, np.full(2 * copies, friction))
     assert not info.converged and info.residual > 0.1 and np.isfinite(r).all()

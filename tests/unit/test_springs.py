@@ -325,7 +325,7 @@ def test_bars_of_different_bodies_share_a_solve(solver):
     B, stretched = springs.coupling(Configuration(0.01 * np.random.default_rng(1).normal(size=2 * grid.nodes)))
     joined = linear.joined(counted, B, 1e4 * stretched, grid.blocks)
     assert columns[0] <= 4  # two directions of the two bars on a block
-    whole = A.toarray() + B.T @ (1e4 * sp.block_diag(list(stretched)) @ B.toarray())
+    whole = A.toarray() + B.T @ (1e4 * block_diag(*stretched) @ B.toarray())
     b = np.random.default_rng(2).normal(size=2 * grid.nodes)
     exact = np.linalg.solve(whole, b)
     np.testing.assert_allclose(joined(b), exact, atol=1e-7 * np.abs(exact).max())
@@ -363,7 +363,7 @@ def test_forces_and_stiffness_of_springs_are_derivatives_of_their_energy():
     B, K_bars = bars.coupling(at)
     stiffness = (
         assembly.matrix(beds.stiffness(at), 1.0, np.zeros((nodes, 2, 2))) @ d,
-        B.T @ (sp.block_diag(list(K_bars)) @ (B @ d)),
+        B.T @ (block_diag(*K_bars) @ (B @ d)),
     )
     for springs, moved in zip((beds, bars), stiffness, strict=True):
         slope = (springs.energy(ahead) - springs.energy(behind)) / 2
