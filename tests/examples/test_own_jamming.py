@@ -5,15 +5,17 @@ import pytest
 
 import skmpm
 from examples.studies.packing_ensemble import own_jamming
-from examples.studies.packing_ensemble.own_jamming import CELL, GEL, PRESSURES, SPACING, Point
+from examples.studies.packing_ensemble.own_jamming import PRESSURES, Point
+from examples.studies.packing_ensemble.scenes import DENSITY, NU, YOUNG
 
 
 def test_what_does_not_rearrange_has_one_jamming_point():
     """A disc that meets its images in a square box."""
     radius = 1e-3
     side = 2.01 * radius
-    body = skmpm.Body(skmpm.disc((0.3 * radius, 0.1 * radius), radius, spacing=SPACING), GEL)
-    scene = skmpm.Scene([body], cell=CELL, periodic=skmpm.Periodic(side, side))
+    gel = skmpm.NeoHookean(YOUNG, NU, DENSITY)
+    body = skmpm.Body(skmpm.disc((0.3 * radius, 0.1 * radius), radius, spacing=0.14e-3), gel)
+    scene = skmpm.Scene([body], cell=0.19e-3, periodic=skmpm.Periodic(side, side))
     (point,) = own_jamming.measured(scene, (1e-3,))
     assert 1e-4 < point.own == pytest.approx(point.first, abs=3e-5)
     assert point.excess == 4.0 - (4.0 - 2.0)  # four neighbours; one disc needs two

@@ -18,13 +18,11 @@ import numpy as np
 
 import skmpm
 
-from .scenes import DENSITY, NU, YOUNG
+from .curves import mean
+from .scenes import NU, YOUNG, build, options_of
 
 PRESSURES = (3e-4, 1e-3, 2.2e-3, 4.5e-3, 1e-2)  # over E*
 START = 0.79  # solid fraction, the same nominal and by outlines where discs do not touch
-RADII = 0.7e-3, 1.2e-3  # [m]
-CELL, SPACING = 0.19e-3, 0.14e-3  # [m], as in the main job
-GEL = skmpm.NeoHookean(YOUNG, NU, DENSITY)
 PLANE = YOUNG / (1.0 - NU**2)  # E* [Pa]
 
 
@@ -43,12 +41,7 @@ class Point:
 
 def loose(discs: int, seed: int) -> skmpm.Scene:
     """Discs as in the main job in a periodic square, below jamming."""
-    radii = np.random.default_rng(seed).uniform(*RADII, discs)
-    width = float(np.sqrt(np.pi * (radii**2).sum() / START))
-    found = skmpm.packing(radii, width, solid_fraction=START, periodic=True, seed=seed)
-    pairs = zip(found.centres.T, radii, strict=True)
-    bodies = [skmpm.Body(skmpm.disc(x, r, spacing=SPACING), GEL) for x, r in pairs]
-    return skmpm.Scene(bodies, cell=CELL, periodic=skmpm.Periodic(found.width, found.height))
+    return build(options_of({"discs": discs, "seed": seed, "start": START, "friction": 0.0, "periodic": True}))[0]
 
 
 def measured(scene: skmpm.Scene, pressures: tuple[float, ...] = PRESSURES) -> Iterator[Point]:
@@ -75,9 +68,9 @@ def table(found: list[list[Point]]) -> Iterator[str]:
     yield "|---" * 6 + "|"
     for pressure, points in zip(PRESSURES, zip(*found, strict=True), strict=True):
         columns = np.array([[p.first, p.own, p.excess, *p.over_roots()] for p in points]).T
-        yield f"| {pressure:g} | " + " | ".join(map(mean, columns)) + " |"
+        yield f"| {pressure:g} | " + " | ".join(map(shown, columns)) + " |"
     for name in ("first", "own"):
-        yield f"exponent from {name}: " + mean(np.array([exponent(points, name) for points in found]))
+        yield f"exponent from {name}: " + shown(np.array([exponent(points, name) for points in found]))
 
 
 def exponent(points: list[Point], name: str) -> float:
@@ -86,10 +79,10 @@ def exponent(points: list[Point], name: str) -> float:
     return float(np.polyfit(np.log(x), np.log(y), 1)[0])
 
 
-def mean(values: np.ndarray) -> str:
+def shown(values: np.ndarray) -> str:
     """Mean and standard error."""
-    error = values.std(ddof=1) / np.sqrt(values.size)
-    return f"{values.mean():.3g} ± {error:.1g}"
+    value, error = mean(values)
+    return f"{value:.3g} ± {error:.1g}"
 
 
 def main(options: argparse.Namespace) -> None:
