@@ -209,7 +209,8 @@ def _walls(state: State) -> PolyData:
     """A line for each wall near the bodies."""
     lines, walls = wall_lines(state.walls, state.wall_normals, view_of(state.x, state.walls, state.wall_normals))
     point, normal = state.walls[walls].T, state.wall_normals[walls].T
-    data = {"wall": -1 - walls, "point": _in_space(point), "normal": _in_space(normal)}
+    force = _in_space(state.wall_force[walls].T)
+    data = {"wall": -1 - walls, "point": _in_space(point), "normal": _in_space(normal), "force": force}
     cells = {"Lines": np.arange(2 * walls.size).reshape(-1, 2)}
     return PolyData(_in_space(lines.reshape(-1, 2).T), cells, {}, data)
 

@@ -35,7 +35,8 @@ class Frame:
     contacts : fields by pair of bodies that touch, as `record` lists them, and lines (k, 2, 2) [m] between them
     box : (2, 2) or (2, 1) edges of the periodic box as columns [m], None without one; bodies are
         those with centres in it
-    walls : wall (k,), point and normal (2, k) of the walls near the bodies, and their lines (k, 2, 2) [m]
+    walls : wall (k,), point [m], normal and force [N/m] (2, k) of the walls near the bodies, and their lines
+        (k, 2, 2) [m]
     deformable : (bodies,) whether bodies deform
     boundary_points, held_points : indices of the material points on the outlines, loop after loop, and of those held
         by supports

@@ -56,7 +56,8 @@ def record(path: str | Path, scene: Scene, *, append: bool = False) -> Iterator[
     - contacts: a line between the centres of each pair of bodies that touch, to the contact on walls, with first and
       second body (walls -1, -2, ...), normal_force and tangential_force [N/m], mobilised_friction and length [m] as
       `network` defines them
-    - walls: a line for each wall near the bodies, with wall (-1, -2, ...), a point [m] and the normal of each
+    - walls: a line for each wall near the bodies, with wall (-1, -2, ...), a point [m], the normal, and the force of
+      the bodies on it [N/m]
     - box: the periodic box, if there is one; bodies are drawn where their centres lie in it
 
     Positions have double precision, fields single. Nothing is compressed, which would take as long as a step; of a

@@ -464,11 +464,13 @@ def test_walls_are_lines_that_move(tmp_path, states):
         assert frame.walls["wall"].tolist() == [-1, -2]
         np.testing.assert_allclose(frame.walls["point"].T, state.walls, rtol=1e-6)
         np.testing.assert_allclose(frame.walls["normal"].T, state.wall_normals)
+        np.testing.assert_allclose(frame.walls["force"].T, state.wall_force, rtol=1e-6)
         corner = [state.walls[0, 0], -1e-3]
         upright, floor = frame.walls["lines"]
         assert min(np.hypot(*(upright - corner).T)) < 1e-15 and min(np.hypot(*(floor - corner).T)) < 1e-15
         assert np.ptp(upright[:, 0]) < 1e-15 and np.ptp(floor[:, 1]) < 1e-15
         assert upright[:, 1].max() > 1e-3 and floor[:, 0].max() > 3e-3
+    assert states[-1].wall_force.any()
 
 
 def test_bodies_are_smooth_polygons_with_data_of_the_body(tmp_path, states):
