@@ -11,6 +11,7 @@ from matplotlib.transforms import Bbox
 
 import skmpm
 from skmpm import outline
+from skmpm.outline.images import lattice_vectors
 from skmpm.plot.bodies import body_paths
 
 GEL, STEEL = skmpm.NeoHookean(E=1e6, nu=0.45, density=1000.0), skmpm.Rigid(7800.0)
@@ -71,7 +72,7 @@ def periodic_box(axes, ink):
     """A periodic box shrinks; images of the bodies are around it."""
     discs, height = packing(periodic=True)
     scene = skmpm.Scene(discs, cell=CELL, periodic=skmpm.Periodic(2.0, height, rate=[[-0.1, 0.0], [0.0, -0.1]]))
-    for shift in skmpm.outline.lattice_vectors(np.ones(2, dtype=np.int64)).T:
+    for shift in lattice_vectors(np.ones(2, dtype=np.int64)).T:
         fill(axes, ink, scene, shift * (2.0, height), alpha=0.25)
     fill(axes, ink, scene)
     edge = {"fill": False, "edgecolor": ink.text, "linestyle": "--", "linewidth": 1.2, "zorder": 6.0}

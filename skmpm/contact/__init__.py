@@ -16,11 +16,9 @@ the tip. Contacts are detected up to a distance, the reach, and kept from step t
 """
 
 from skmpm.contact.boundary import check_outlines, point_to_curve
-from skmpm.contact.closest_points import lasting_force, with_largest_forces
 from skmpm.contact.constraints import Constraints, ContactFormulation, Linearise, acts_at_grid_nodes
 from skmpm.contact.grid_nodes import shared_grid
-from skmpm.contact.keys import recut_keys
-from skmpm.contact.self_contact import joined_parts, may_touch_itself
+from skmpm.contact.self_contact import may_touch_itself
 
 __all__ = [
     "Constraints",
@@ -28,11 +26,7 @@ __all__ = [
     "Linearise",
     "acts_at_grid_nodes",
     "check_outlines",
-    "joined_parts",
-    "lasting_force",
     "may_touch_itself",
     "point_to_curve",
-    "recut_keys",
     "shared_grid",
-    "with_largest_forces",
 ]

@@ -31,6 +31,7 @@ from skmpm.contact.rows import combinations, joined
 from skmpm.contact.self_contact import SelfContact
 from skmpm.grid import BodyGrids
 from skmpm.outline import Cubics, Outlines
+from skmpm.outline.images import Images
 from skmpm.scene import PrescribedVelocities, Scene, SceneError, State, prescribed_velocities
 
 # Fraction of an initial overlap that a step removes: gradually, since all at once ejects the bodies. In dynamic steps
@@ -280,7 +281,7 @@ def _boundary_interpolation(scene: Scene, state: State, grid: BodyGrids, boundar
     return sp.csr_array((data, indices, offsets), shape=(own.size, grid.nodes))
 
 
-def _roles(scene: Scene, surfaces: outline.Images, x: Array) -> Roles:
+def _roles(scene: Scene, surfaces: Images, x: Array) -> Roles:
     """Rank the bodies by which contributes points: deformable before rigid, finer boundary first, then by position.
 
     In a periodic box the last is their number, and images follow their bodies. The curve of a rigid body does not
@@ -303,7 +304,7 @@ def _roles(scene: Scene, surfaces: outline.Images, x: Array) -> Roles:
     return Roles(rank, spacing, bend)
 
 
-def _of_bodies(found: ContactPairs, surfaces: outline.Images) -> ContactPairs:
+def _of_bodies(found: ContactPairs, surfaces: Images) -> ContactPairs:
     """The contact pairs in numbers of bodies and of their boundary points, instead of those of images."""
     if surfaces.none:
         return found

@@ -32,7 +32,8 @@ from skmpm.contact.neighbours import Neighbours
 from skmpm.contact.projection import MAX_DEPTH
 from skmpm.contact.rows import among, joined
 from skmpm.contact.shifts import Shifts, guarded
-from skmpm.outline import Cubics, Loops, tangent
+from skmpm.outline import Cubics
+from skmpm.outline.cubics import Loops, tangent
 from skmpm.scene import Contacts, Scene, between_bodies, pair_numbers
 
 # Turn of a segment against the other surface [rad] that is neglected: its chord has half of it as rolling friction.
@@ -67,33 +68,14 @@ def closest_points(
 
 
 def lasting_force(before: Contacts, contacts: Contacts, courant: float) -> Array:
-    """Lasting forces of the contacts at the end of a step.
-
-    Parameters
-    ----------
-    before, contacts : contacts at the start, and (k,) at the end of the step
-    courant : c dt / h of the step
-
-    Returns
-    -------
-    (k,) [N/m]
-    """
+    """Lasting forces (k,) [N/m] of the contacts at the end of a step, from those `before`; `courant` is c dt / h."""
     known = lookup(pair_numbers(before.bodies), before.lasting_force, pair_numbers(contacts.bodies), 0.0)
     now = between_bodies(contacts.bodies, contacts.force[0])
     return np.asarray(known + min(FOLLOWS * courant**2, 1.0) * (now - known))
 
 
 def with_largest_forces(before: Contacts, contacts: Contacts) -> Contacts:
-    """Contacts at two times, with the larger one of the lasting forces of each pair of bodies.
-
-    Parameters
-    ----------
-    before, contacts : contacts at both times
-
-    Returns
-    -------
-    all of them
-    """
+    """Contacts at two times, all of them, with the larger one of the lasting forces of each pair of bodies."""
     both = joined([before, contacts])
     pair = np.unique(pair_numbers(both.bodies), return_inverse=True)[1]
     largest = np.zeros(pair.size)

@@ -20,7 +20,9 @@ from skmpm import outline
 from skmpm.arrays import Array, Bools, Ints
 from skmpm.contact.constraints import lookup
 from skmpm.contact.gap_function import ContactPairs
-from skmpm.outline import Images, Outlines
+from skmpm.outline import Outlines
+from skmpm.outline.images import Images
+from skmpm.outline.measures import TURNED_AWAY
 from skmpm.scene import TOUCHING, Scene
 
 
@@ -103,7 +105,7 @@ def _ends(outlines: Outlines, x: Array, found: ContactPairs, corners: Ints) -> t
     direction = np.zeros(c.size)
     for neighbour in (outlines.next, outlines.previous):
         edge = x[:, neighbour[c]] - x[:, c]
-        in_contact = np.einsum("ik,ik->k", normal, edge) <= outline.TURNED_AWAY * np.hypot(*edge)
+        in_contact = np.einsum("ik,ik->k", normal, edge) <= TURNED_AWAY * np.hypot(*edge)
         direction += np.where(in_contact, np.sign(np.einsum("ik,ik->k", along, edge)), 0.0)
     covered = np.hypot(*(x[:, np.where(direction > 0.0, stencil[2], stencil[1])] - foot))
     share = np.minimum(covered / np.maximum(np.hypot(*along), 1e-300), 1.0)

@@ -6,7 +6,8 @@ import numpy as np
 
 from skmpm.arrays import Array, Bools, Ints
 from skmpm.compiled import compiled
-from skmpm.outline import Loops, distance_to_segment, foot, place, seen, tangent
+from skmpm.outline.cubics import Loops, foot, place, seen, tangent
+from skmpm.outline.near import distance_to_segment
 
 MAX_NORMALS_COSINE = -0.3  # largest cosine between outward normals of surfaces in contact, ideally -1; 0 at corners
 # The edges beside a contact point may point into the other surface at an angle of up to this sine, or by this depth

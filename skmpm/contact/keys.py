@@ -18,17 +18,9 @@ def lattice_code(k: Ints) -> Ints:
 
 
 def recut_keys(key: Ints, pairs: int, change: Ints) -> Ints:
-    """Keys of contacts after the edges of the box H have become H T: lattice vectors k become T^-1 k.
+    """Keys (c,) of contacts after the edges of the box H have become H T: lattice vectors k become T^-1 k.
 
-    Parameters
-    ----------
-    key : (c,) keys of the contacts
-    pairs : number of pairs of a boundary point and a side
-    change : (2, 2) T
-
-    Returns
-    -------
-    (c,)
+    `pairs` is the number of pairs of a boundary point and a side, `change` (2, 2) is T.
     """
     (a, b), (c, d) = change
     inverse = np.array([[d, -b], [-c, a]]) * int(a * d - b * c)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skmpm.arrays import Array, Ints
-from skmpm.outline import Images
+from skmpm.outline.images import Images
 from skmpm.scene import PrescribedVelocities, Scene, State, centres, mean_velocity
 
 # [cells]; a point that approaches further within a Newton iteration is detected in the next one (test_contact).

@@ -7,13 +7,15 @@ from functools import cached_property
 
 import numpy as np
 
-from skmpm import outline
 from skmpm.arrays import Array, Bools, Ints
 from skmpm.contact.constraints import lookup
 from skmpm.contact.keys import guard_keys, lattice_code
 from skmpm.contact.self_contact import SelfContact
 from skmpm.contact.shifts import Shifts
-from skmpm.outline import Cubics, Curve, Images
+from skmpm.outline import Cubics, Curve
+from skmpm.outline.images import Images
+from skmpm.outline.near import both_ways, candidates
+from skmpm.outline.overlaps import box_pairs, boxes
 from skmpm.scene import Scene
 
 # A rigid boundary that turns by more than this within a spacing s of the other boundary is treated as an edge: beside
@@ -153,7 +155,7 @@ def neighbours(
     contributes = roles.rank[first] < roles.rank[second]
     least = np.where(contributes, -1.0, SHARP_TURN / np.maximum(roles.spacing[second], 1e-300))
     bend = np.where(curve.sharp, 1e300, roles.bend)
-    point, segment = outline.candidates(boundary, x, reach + margin, pairs, bend, least)
+    point, segment = candidates(boundary, x, reach + margin, pairs, bend, least)
     itself = own.facing(x, reach + margin)
     if itself[0].size:
         kept = (itself[0] < itself[1]) | curve.sharp[itself[0]]
@@ -179,8 +181,8 @@ def neighbours(
 
 def pairs_of_bodies(scene: Scene, surfaces: Images, x: Array, reach: float) -> Ints:
     """Pairs (2, p) of bodies near each other, in both orders and sorted, one of which moves and one is no image."""
-    low, high = outline.boxes(surfaces.outlines, x, surfaces.body.size)
-    pairs = outline.both_ways(outline.box_pairs(low - 0.5 * reach, high + 0.5 * reach))
+    low, high = boxes(surfaces.outlines, x, surfaces.body.size)
+    pairs = both_ways(box_pairs(low - 0.5 * reach, high + 0.5 * reach))
     kept = scene.movable[surfaces.body[pairs]].any(axis=0) & (pairs < surfaces.bodies).any(axis=0)
     return pairs[:, kept]
 

@@ -5,9 +5,9 @@ their outward normals are opposite and each lies in front of the other: over a g
 thin part, where each lies behind the other. Of two such parts that which comes first along the outline contributes
 the points, the other the curve; corners of both are projected.
 
-Only bodies whose outlines turn back far enough to meet themselves are searched (`outline.folded`), which convex ones
-never do. Parts that lie close together in the reference configuration move as one, since they share nodes of the
-body grid, and are no pairs (`MIN_SEPARATION`).
+Only bodies whose outlines turn back far enough to meet themselves are searched (`outline.crossings.folded`), which
+convex ones never do. Parts that lie close together in the reference configuration move as one, since they share nodes
+of the body grid, and are no pairs (`MIN_SEPARATION`).
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from skmpm import outline
 from skmpm.arrays import Array, Bools, Ints
 from skmpm.contact.motion import contact_reach
 from skmpm.outline import Outlines
+from skmpm.outline.near import facing
 from skmpm.scene import MAX_OVERLAP, Scene, State
 
 # [cells] Least distance in the reference configuration of parts that may touch. Slits of 1 and 1.5 cells with sides
@@ -62,7 +63,7 @@ class SelfContact:
         """Pairs of parts that face each other, however close in the reference configuration."""
         if self.bodies.size == 0:
             return self.bodies, self.bodies
-        return outline.facing(self.outlines, x, self.bodies, reach, MAX_OVERLAP * self.cell)
+        return facing(self.outlines, x, self.bodies, reach, MAX_OVERLAP * self.cell)
 
     def across_gap(self, point: Ints, segment: Ints, gap: Array) -> Bools:
         """Whether feet on segments (k,) of points (k,) with gaps (k,) at the start of a step are contacts.
@@ -106,16 +107,7 @@ def may_touch_itself(scene: Scene, state: State) -> bool:
 
 
 def joined_parts(scene: Scene, state: State) -> Ints:
-    """Bodies with parts that approach each other, and were apart at t = 0, but share nodes of rebuilt body grids.
-
-    Parameters
-    ----------
-    scene, state : a scene and its state
-
-    Returns
-    -------
-    indices of the bodies
-    """
+    """Bodies with parts that approach each other, and were apart at t = 0, but share nodes of rebuilt body grids."""
     now, x = SelfContact.of_scene(scene, state), state.x[:, scene.outlines.point]
     start = replace(now, reference=scene.initial_positions[:, scene.outlines.point])
     c, j = now.all_facing(x, ALWAYS_JOINED * scene.cell)

@@ -5,9 +5,8 @@ H A^-1 H^T, the Delassus operator of constraints H. `blocks` (bodies + 1,) are t
 `rigid_motions` (n, 3) the rigid-body motions of all bodies. `default` selects `banded` or `amg` by cost.
 """
 
-from skmpm.linear.band import Banded, banded, column_lengths
-from skmpm.linear.choice import Direct, chosen, default, direct
-from skmpm.linear.corrected import Joined, LowRank, Rotated, joined, without_added_mass
+from skmpm.linear.band import Banded, banded
+from skmpm.linear.choice import Direct, default, direct
 from skmpm.linear.delassus import Delassus
 from skmpm.linear.multigrid import Amg, amg
 from skmpm.linear.solver import Linear, NotPositiveDefinite, Solver, half_bandwidth, one_thread
@@ -17,20 +16,13 @@ __all__ = [
     "Banded",
     "Delassus",
     "Direct",
-    "Joined",
     "Linear",
-    "LowRank",
     "NotPositiveDefinite",
-    "Rotated",
     "Solver",
     "amg",
     "banded",
-    "chosen",
-    "column_lengths",
     "default",
     "direct",
     "half_bandwidth",
-    "joined",
     "one_thread",
-    "without_added_mass",
 ]

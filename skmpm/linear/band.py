@@ -114,16 +114,7 @@ def _factorised(factor: Banded, A: sp.bsr_array, chosen: Bools) -> Banded:
 
 
 def column_lengths(A: sp.bsr_array, blocks: Ints) -> Ints:
-    """Entries between the diagonal and the end of the columns of the Cholesky factor.
-
-    Parameters
-    ----------
-    A, blocks : matrix (n, n), and first unknowns of the bodies (bodies + 1,)
-
-    Returns
-    -------
-    (nodes,) for the first unknown of each node
-    """
+    """Entries below the diagonal of the Cholesky factor, in the column of each node's first unknown, (nodes,)."""
     ends, _ = _profile(A, blocks)
     unknown = 2 * np.arange(ends.size)
     return np.asarray(ends + blocks[np.searchsorted(blocks, unknown, side="right") - 1] - unknown)

@@ -92,18 +92,8 @@ def default(A: sp.bsr_array, blocks: Ints, rigid_motions: Array) -> Solver:
 
 
 def chosen(columns: Ints) -> Linear:
-    """Select `banded` or `amg` by the lengths of the columns of the Cholesky factor.
+    """Select `banded` or `amg` by the lengths (nodes,) of the columns of the Cholesky factor (`column_lengths`).
 
-    Parameters
-    ----------
-    columns : (nodes,) `column_lengths`
-
-    Returns
-    -------
-    `banded` or `amg`
-
-    Notes
-    -----
     Their mean square is the work of the factorisation per unknown. `banded` is taken up to a root mean square of 700,
     a disc of about 270 cells across. For a single solve amg is faster from 200 on, 75 cells across, and eight times
     as fast at 830 (`examples/studies/benchmark/crossover.py`). Contact, however, needs as many solves with one matrix

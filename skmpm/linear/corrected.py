@@ -68,23 +68,11 @@ class LowRank:
 def without_added_mass(solver: Solver, body: Ints, added: Array, mass: Array, m: Array | None = None) -> LowRank:
     """Solver for A + c (M - M T (T^T M T)^-1 T^T M), T the translations of a body, from a solver for A + c M.
 
-    Parameters
-    ----------
-    solver : for A + c M
-    body : (nodes,) body of each node
-    added : (bodies,) c times the mass of a body
-    mass : (bodies,) mass of each body in M [kg/m]; where it is zero, translations keep c M
-    m : (2 nodes,)
-
-    Returns
-    -------
-    the solver
-
-    Notes
-    -----
-    Translations store no energy, A T = M T. Hence (A + c M) T = (1 + c) M T, and by Woodbury's formula the inverse is
-    (A + c M)^-1 + c / (1 + c) T (T^T M T)^-1 T^T. With `m`, on the velocities w with m^T w = 0 in every body in which
-    m, orthogonal to translations, does not vanish: less z z^T / m^T z with z = (A + c M)^-1 m.
+    `added` (bodies,) is c times the mass of a body, `mass` (bodies,) that in M [kg/m]; where it is zero,
+    translations keep c M. Translations store no energy, A T = M T. Hence (A + c M) T = (1 + c) M T, and by
+    Woodbury's formula the inverse is (A + c M)^-1 + c / (1 + c) T (T^T M T)^-1 T^T. With `m` (2 nodes,), on the
+    velocities w with m^T w = 0 in every body in which m, orthogonal to translations, does not vanish: less z z^T /
+    m^T z with z = (A + c M)^-1 m.
     """
     Z, inertia = np.tile(np.eye(2), (body.size, 1)), np.maximum(mass, 1e-300)
     G = np.zeros((mass.size, 3, 3))
@@ -170,20 +158,9 @@ class Joined:
 
 
 def joined(solver: Solver, B: sp.csr_array, K: Array, blocks: Ints) -> Joined:
-    """Solver for A + B^T K B from a solver for A, K >= 0.
+    """Solver for A + B^T K B from a solver for A, with blocks K >= 0 (springs, 2, 2) and B (2 springs, n).
 
     The rows E of `Joined` are s^(1/2) v^T B, of the eigenvalues s of the blocks above round-off.
-
-    Parameters
-    ----------
-    solver : for A (n, n)
-    B : (2 springs, n)
-    K : (springs, 2, 2) blocks
-    blocks : (bodies + 1,) first unknowns of the bodies
-
-    Returns
-    -------
-    the solver
     """
     values, vectors = np.linalg.eigh(K)
     kept = (values > SOFT * values[:, -1:]).ravel()

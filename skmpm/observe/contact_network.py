@@ -6,8 +6,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from skmpm import outline
 from skmpm.arrays import ROUND_OFF, Array, Bools, Ints
+from skmpm.outline.images import first_half
 from skmpm.scene import Contacts
 
 CLOSED = 0.02  # largest gap that counts as contact [cells]
@@ -55,7 +55,7 @@ def pairs_of(contacts: Contacts, box: Array | None) -> Pairs:
         lattice = np.rint(np.linalg.pinv(box) @ contacts.image).astype(np.int64)
     most = int(bodies.max(initial=0))
     number = np.where(bodies < 0, most - bodies, bodies)  # walls follow the bodies
-    same = np.where(number[0] == number[1], ~outline.first_half(-lattice), number[0] < number[1])
+    same = np.where(number[0] == number[1], ~first_half(-lattice), number[0] < number[1])
     names = np.concatenate([np.where(same, number, number[::-1]), np.where(same, lattice, -lattice)])
     names, of = np.unique(names, axis=1, return_inverse=True)
     return Pairs(np.where(names[:2] > most, most - names[:2], names[:2]), names[2:], of.ravel(), same)

@@ -7,9 +7,9 @@ import reprlib
 import numpy as np
 from scipy.spatial import cKDTree
 
-from skmpm import outline
 from skmpm.arrays import Array
 from skmpm.observe.regions import contains, region
+from skmpm.outline.images import heights, lattice_vectors
 from skmpm.scene import Scene, SceneError, State, centres, check_fits
 
 DIAMETERS = 4.0  # mean diameters up to which the function is computed by default
@@ -93,6 +93,6 @@ def pair_correlation(
 def _images(centre: Array, box: Array, largest: float) -> Array:
     """The centres (2, n) [m] with all images that may be closer than `largest` [m] to one of them, (2, k)."""
     k = np.linalg.pinv(box) @ centre
-    most = np.ceil(largest / outline.heights(box) + np.ptp(k, axis=1)).astype(np.int64)
-    shifts = box @ outline.lattice_vectors(most)
+    most = np.ceil(largest / heights(box) + np.ptp(k, axis=1)).astype(np.int64)
+    shifts = box @ lattice_vectors(most)
     return np.asarray((centre[:, :, None] + shifts[:, None]).reshape(2, -1))

@@ -47,16 +47,7 @@ def crossings(outlines: Outlines, x: Array, chosen: Ints) -> Ints:
 
 
 def folded(outlines: Outlines, x: Array) -> Ints:
-    """Bodies whose outlines turn so far that they may meet or cross themselves; convex ones never do.
-
-    Parameters
-    ----------
-    outlines, x : outlines, and positions (2, m) [m] of their boundary points
-
-    Returns
-    -------
-    indices of the bodies
-    """
+    """Bodies whose outlines turn so far that they may meet or cross themselves; convex ones never do."""
     forward, backward = turns(outlines, x)
     return np.flatnonzero((backward > MAX_BACKWARD_TURN) | (forward > MAX_FORWARD_TURN))
 
@@ -89,16 +80,7 @@ def depth(outlines: Outlines, x: Array, body: int) -> Array:
 
 
 def turns(outlines: Outlines, x: Array) -> tuple[Array, Array]:
-    """Total left and right turns along the outline of each body.
-
-    Parameters
-    ----------
-    outlines, x : outlines, and positions (2, m) [m] of their boundary points
-
-    Returns
-    -------
-    left, right : (bodies,) [rad]
-    """
+    """Total left and right turns along the outline of each body, (bodies,) each [rad]."""
     left, right = np.zeros((2, int(outlines.body.max(initial=-1)) + 1))
     _turns(x, outlines.previous, outlines.next, outlines.body, left, right)
     return left, right
@@ -131,17 +113,7 @@ def _upward(x: float, y: float) -> bool:
 
 
 def apart(outlines: Outlines, x: Array, i: Ints, j: Ints) -> Array:
-    """Arc length between two segments of one outline, the shorter of both ways.
-
-    Parameters
-    ----------
-    outlines, x : outlines, and positions (2, m) [m] of their boundary points
-    i, j : (k,) segments
-
-    Returns
-    -------
-    (k,) [m]; inf between two loops
-    """
+    """Arc length (k,) [m] between segments i and j (k,) of an outline, the shorter way; inf between loops."""
     length = np.hypot(*(x[:, outlines.next] - x))
     begins = outlines.previous >= np.arange(outlines.size)
     loop, before = np.cumsum(begins) - 1, np.cumsum(length) - length

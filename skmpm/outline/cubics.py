@@ -38,23 +38,10 @@ class Loops(NamedTuple):
 
 @compiled
 def foot(y: tuple[float, float], segment: int, s: float, c: Array, loops: Loops) -> tuple[int, float]:
-    """Closest-point projection on the curve.
+    """Segment and parameter of the point of a curve that is closest to y, from those of a first guess.
 
-    Parameters
-    ----------
-    y : (2,) position [m]
-    segment, s : initial guess of segment and parameter
-    c : (m, 4, 2) coefficients of the cubics of the segments [m], as `Cubics.c`
-    loops : of the curve
-
-    Returns
-    -------
-    i, t : segment and parameter of the closest point
-
-    Notes
-    -----
     Newton's method for (y - X(s)) . X'(s) = 0, with the second derivative of the squared distance bounded from below;
-    iterates move on to adjacent segments and stop at corners.
+    iterates move on to adjacent segments and stop at corners. `c` (m, 4, 2) [m] are the cubics of the segments.
     """
     i, t = segment, s
     for _ in range(MAX_NEWTON_STEPS):
@@ -80,17 +67,7 @@ def foot(y: tuple[float, float], segment: int, s: float, c: Array, loops: Loops)
 
 @compiled
 def place(c: Array, i: int, t: float) -> tuple[float, float]:
-    """Point of the curve.
-
-    Parameters
-    ----------
-    c : (m, 4, 2) coefficients of the cubics of the segments [m], as `Cubics.c`
-    i, t : segment, and parameter in [0, 1] on it
-
-    Returns
-    -------
-    x, y : position [m]
-    """
+    """Point of the curve with cubics c (m, 4, 2) [m] on segment i at the parameter t in [0, 1] [m]."""
     x = c[i, 0, 0] + t * (c[i, 1, 0] + t * (c[i, 2, 0] + t * c[i, 3, 0]))
     y = c[i, 0, 1] + t * (c[i, 1, 1] + t * (c[i, 2, 1] + t * c[i, 3, 1]))
     return x, y
@@ -98,18 +75,7 @@ def place(c: Array, i: int, t: float) -> tuple[float, float]:
 
 @compiled
 def tangent(c: Array, i: int, t: float) -> tuple[float, float, float]:
-    """Unit tangent of the curve at a point.
-
-    Parameters
-    ----------
-    c : (m, 4, 2) coefficients of the cubics of the segments [m], as `Cubics.c`
-    i, t : segment, and parameter in [0, 1] on it
-
-    Returns
-    -------
-    x, y : components of the tangent
-    speed : length of the derivative by t [m]
-    """
+    """Unit tangent of the curve on segment i at the parameter t, and the length of the derivative by t [m]."""
     x = c[i, 1, 0] + t * (2.0 * c[i, 2, 0] + 3.0 * t * c[i, 3, 0])
     y = c[i, 1, 1] + t * (2.0 * c[i, 2, 1] + 3.0 * t * c[i, 3, 1])
     speed = max(np.sqrt(x**2 + y**2), 1e-300)
@@ -118,19 +84,9 @@ def tangent(c: Array, i: int, t: float) -> tuple[float, float, float]:
 
 @compiled
 def seen(y: tuple[float, float], c: Array, i: int, t: float) -> tuple[float, float, float, float]:
-    """Unit outward normal of the curve at a point, and where a position lies relative to it.
+    """Unit outward normal of the curve on segment i at the parameter t, and where a position y lies relative to it.
 
-    Parameters
-    ----------
-    y : (2,) position [m]
-    c : (m, 4, 2) coefficients of the cubics of the segments [m], as `Cubics.c`
-    i, t : segment, and parameter in [0, 1] on it
-
-    Returns
-    -------
-    nx, ny : components of the normal
-    gap : distance in front of the curve [m], negative behind it
-    along : distance along the tangent [segments]
+    That is the distance in front of the curve [m], negative behind it, and along the tangent [segments].
     """
     along_x, along_y, speed = tangent(c, i, t)
     x = place(c, i, t)

@@ -87,34 +87,16 @@ class Images:
 
 
 def without_images(outlines: Outlines, bodies: int) -> Images:
-    """Images of bodies without a periodic box: the bodies alone, where they are.
-
-    Parameters
-    ----------
-    outlines : of the bodies
-    bodies : number of bodies
-
-    Returns
-    -------
-    the images
-    """
+    """Images of bodies without a periodic box: the bodies alone, where they are."""
     each = np.arange(bodies)
     return Images(outlines, np.arange(outlines.size), each, np.zeros((0, bodies), dtype=np.int64), bodies)
 
 
 def images(outlines: Outlines, x: Array, bodies: int, box: Array | None, reach: float) -> Images:
-    """Bodies moved into one box, and their images whose bounding boxes come close to one of a body.
+    """Bodies moved into one box, and their images whose bounding boxes come closer than `reach` to one of a body.
 
-    Parameters
-    ----------
-    outlines, x : outlines, and positions (2, m) [m] of their boundary points
-    bodies : number of bodies
-    box : (2, 1) or (2, 2) edges of the periodic box, as columns [m]; None without one
-    reach : distance of the bounding boxes [m]
-
-    Returns
-    -------
-    bodies and images
+    `x` (2, m) [m] are the boundary points, `box` (2, edges) [m] the edges of the box as columns, None without one;
+    `reach` is in m.
     """
     if box is None:
         return without_images(outlines, bodies)
@@ -147,16 +129,7 @@ def images(outlines: Outlines, x: Array, bodies: int, box: Array | None, reach: 
 
 
 def reduced(box: Array) -> Ints:
-    """Unimodular matrix that turns the edges of a box into the shortest ones of the same lattice.
-
-    Parameters
-    ----------
-    box : (2, edges) one or two edges of the box, as columns [m]
-
-    Returns
-    -------
-    (edges, edges), to be multiplied from the right
-    """
+    """Unimodular matrix (edges, edges) from the edges of a box to the shortest ones of its lattice."""
     change = np.eye(box.shape[1], dtype=np.int64)
     while box.shape[1] > 1:
         a, b = (box @ change).T
@@ -171,44 +144,12 @@ def reduced(box: Array) -> Ints:
 
 
 def heights(box: Array) -> Array:
-    """Distances between the opposite sides of a box.
-
-    Parameters
-    ----------
-    box : (2, edges) one or two edges of the box, as columns [m]
-
-    Returns
-    -------
-    (edges,) [m]
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from skmpm import outline
-    >>> outline.heights(np.array([[2.0, 5.0], [0.0, 1.0]])).round(3).tolist()
-    [0.392, 1.0]
-    """
+    """Distances (edges,) [m] between the opposite sides of a box with edges (2, edges) [m] as columns."""
     return np.asarray(1.0 / np.sqrt((np.linalg.pinv(box) ** 2).sum(axis=1)))
 
 
 def lattice_vectors(most: Ints) -> Ints:
-    """All vectors of integers up to a largest value.
-
-    Parameters
-    ----------
-    most : (edges,) largest component, of either sign
-
-    Returns
-    -------
-    (edges, s)
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from skmpm import outline
-    >>> outline.lattice_vectors(np.array([1])).tolist()
-    [[-1, 0, 1]]
-    """
+    """All vectors (edges, s) of integers whose components are at most `most` (edges,), of either sign."""
     return np.stack(np.meshgrid(*(np.arange(-n, n + 1) for n in most), indexing="ij")).reshape(most.size, -1)
 
 
@@ -222,23 +163,7 @@ def _half_plane(edges: Array, size: float) -> Ints:
 
 
 def first_half(k: Ints) -> Bools:
-    """Which of the lattice vectors k and -k: that whose last component that is not zero is positive.
-
-    Parameters
-    ----------
-    k : (edges, s) lattice vectors
-
-    Returns
-    -------
-    (s,)
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from skmpm import outline
-    >>> outline.first_half(np.array([[1, -1, 0], [0, 2, 0]])).tolist()
-    [True, True, False]
-    """
+    """Which (s,) of lattice vectors k (edges, s) and -k: that whose last component other than zero is positive."""
     found = k[0] > 0
     for row in k[1:]:
         found = (row > 0) | ((row == 0) & found)

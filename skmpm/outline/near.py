@@ -50,18 +50,9 @@ def closest(x: Array, segment_start: Array, segment_end: Array) -> tuple[Array, 
 
 @compiled
 def distance_to_segment(x: Array, c: int, j: int, i: int) -> tuple[float, float]:
-    """Closest point of a segment between boundary points to another boundary point.
+    """The place in [0, 1] on the segment from j to i that is closest to the boundary point c, and its distance [m].
 
-    Parameters
-    ----------
-    x : (2, m) boundary points [m]
-    c : the boundary point
-    j, i : boundary points at which the segment begins and ends
-
-    Returns
-    -------
-    s : in [0, 1], the place of the closest point along the segment
-    distance : of c to it [m]
+    All are boundary points x (2, m) [m].
     """
     along_x, along_y = x[0, i] - x[0, j], x[1, i] - x[1, j]
     dx, dy = x[0, c] - x[0, j], x[1, c] - x[1, j]
@@ -78,18 +69,11 @@ def candidates(
     bend: Array | None = None,
     least: Array | None = None,
 ) -> tuple[Ints, Ints]:
-    """Find the boundary points closer than `reach` to a segment of another body.
+    """Boundary points closer than a distance to segments of another body, and these segments, sorted.
 
-    Parameters
-    ----------
-    outlines, x : outlines, and positions (2, m) [m] of their boundary points
-    reach : [m]
-    pairs : (2, p) bodies that give points and bodies that give segments, sorted; by default all that are near
-    bend, least : (m,) and (p,); of a pair only points whose `bend` is more than its `least` are looked at
-
-    Returns
-    -------
-    c, j : (k,) boundary points and starts of segments (j, next[j]), sorted by c, then j
+    Segments (k,) are named by the points where they begin. `pairs` (2, p), sorted, are bodies that give points and
+    bodies that give segments; by default all that are near. Of a pair only points whose `bend` (m,) is more than its
+    `least` (p,) are looked at.
     """
     bodies = int(outlines.body.max(initial=-1)) + 1
     low, high = boxes(outlines, x, bodies)
@@ -111,23 +95,7 @@ def candidates(
 
 
 def both_ways(pairs: Ints) -> Ints:
-    """Ordered pairs from unordered ones.
-
-    Parameters
-    ----------
-    pairs : (2, p)
-
-    Returns
-    -------
-    (2, 2 p), sorted
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import skmpm
-    >>> skmpm.outline.both_ways(np.array([[0, 1], [2, 2]])).tolist()
-    [[0, 1, 2, 2], [2, 2, 0, 1]]
-    """
+    """Ordered pairs (2, 2 p), sorted, from unordered ones (2, p)."""
     both = np.concatenate([pairs, pairs[::-1]], axis=1)
     return both[:, np.lexsort(both[::-1])]
 
@@ -290,18 +258,10 @@ def _depth(
 
 
 def facing(outlines: Outlines, x: Array, bodies: Ints, reach: float, depth: float) -> tuple[Ints, Ints]:
-    """Find boundary points in front of segments of their own body that face them.
+    """Boundary points in front of segments of their own body that face them, and these segments, sorted.
 
-    Parameters
-    ----------
-    outlines, x : outlines, and positions (2, m) [m] of their boundary points
-    bodies : indices of the bodies that are searched
-    reach : distance [m] below which they are found
-    depth : distance [m] by which a point may lie behind a segment, having penetrated it
-
-    Returns
-    -------
-    c, j : (k,) boundary points and starts of segments (j, next[j]), sorted by c, then j
+    They are closer than `reach` [m] to the segment, and at most `depth` [m] behind it, having penetrated it. Only
+    `bodies` are searched.
     """
     c, j = candidates(outlines, x, reach, np.stack([bodies, bodies]))
     along = x[:, outlines.next[j]] - x[:, j]

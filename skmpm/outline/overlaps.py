@@ -40,27 +40,7 @@ def overlap(outlines: Outlines, x: Array, bodies: int) -> tuple[Ints, Array]:
 
 
 def boxes(outlines: Outlines, x: Array, bodies: int) -> tuple[Array, Array]:
-    """Bounding boxes of the bodies.
-
-    Parameters
-    ----------
-    outlines, x : outlines, and positions (2, m) [m] of their boundary points
-    bodies : number of bodies
-
-    Returns
-    -------
-    low, high : (2, bodies) lower left and upper right corners [m]; inf and -inf without outline
-
-    Examples
-    --------
-    >>> import skmpm
-    >>> points = skmpm.disc((0, 0), 1.0, spacing=0.05)
-    >>> outlines = skmpm.outline.outlines([points.outline], offsets=[0])
-    >>> x = points.x[:, outlines.point]
-    >>> low, high = skmpm.outline.boxes(outlines, x, bodies=1)
-    >>> high[:, 0].round(1).tolist()
-    [1.0, 1.0]
-    """
+    """Lower left and upper right corners (2, bodies) [m] of bounding boxes; inf and -inf without outline."""
     low, high = np.full((2, bodies), np.inf), np.full((2, bodies), -np.inf)
     _bound(x, outlines.body, low, high)
     return low, high
@@ -76,24 +56,7 @@ def _bound(x: Array, body: Ints, low: Array, high: Array) -> None:
 
 
 def box_pairs(low: Array, high: Array) -> Ints:
-    """Pairs of boxes that share area.
-
-    Parameters
-    ----------
-    low, high : (2, boxes) lower left and upper right corners [m]
-
-    Returns
-    -------
-    (2, p), sorted
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import skmpm
-    >>> low, high = np.array([[0.0, 1.0, 5.0], [0.0, 1.0, 5.0]]), np.array([[2.0, 3.0, 6.0], [2.0, 3.0, 6.0]])
-    >>> skmpm.outline.box_pairs(low, high).tolist()
-    [[0], [1]]
-    """
+    """Pairs (2, p), sorted, of boxes that share area; `low` and `high` (2, boxes) [m] are their corners."""
     real = np.flatnonzero(low[0] < high[0])
     i, j = _sharing(real[np.argsort(low[0, real], kind="stable")], low, high)
     order = np.lexsort((j, i))

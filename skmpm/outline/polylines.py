@@ -63,18 +63,7 @@ def polylines(boundary: Outlines, reference: Array, x: Array, parts: int) -> Pol
 
 
 def joined(loops: Sequence[Array], body: Ints, parts: int) -> Polylines:
-    """Polylines of given loops of points.
-
-    Parameters
-    ----------
-    loops : (2, k parts) points of each loop [m]
-    body : (loops,) body of each loop, in ascending order
-    parts : number of points on each segment
-
-    Returns
-    -------
-    all points with their loops
-    """
+    """Polylines of loops (2, k parts) [m] of bodies (loops,), which ascend, with `parts` points on each segment."""
     size = np.array([loop.shape[1] for loop in loops], dtype=np.int64)
     start = np.append(0, np.cumsum(size))
     fine = outlines([[np.arange(count)] for count in size.tolist()], start[:-1])

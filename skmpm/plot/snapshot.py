@@ -12,6 +12,7 @@ from skmpm.arrays import Array, Bools, Ints
 from skmpm.io import Frame
 from skmpm.observe import force_lines, network
 from skmpm.outline import Polylines
+from skmpm.outline.polylines import joined
 from skmpm.scene import Scene, State, centres, into_box, mises, plastic_strain, stress_zz
 
 PARTS = 6  # lines between two boundary points: at 300 dpi a disc of 30 of them is round
@@ -153,7 +154,7 @@ class OfFrame(Snapshot):
         """The recorded boundaries."""
         loops = self.frame.outlines
         parts = sum(loop.shape[1] for loop in loops) // max(self.boundary_points.size, 1)
-        return outline.joined(loops, self.frame.bodies["body"], parts)
+        return joined(loops, self.frame.bodies["body"], parts)
 
     def values(self, name: str) -> Array:
         """A recorded field."""

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skmpm import outline
 from skmpm.arrays import Array
+from skmpm.outline.images import lattice_vectors
 from skmpm.plot.fields import Style
 from skmpm.plot.snapshot import Snapshot
 from skmpm.representation import prefixed
@@ -84,7 +84,7 @@ def offsets(seen: Snapshot, view: Array) -> list[Array]:
     if seen.box is None:
         return [here]
     low, high = seen.x.min(axis=1), seen.x.max(axis=1)
-    around = (seen.box @ outline.lattice_vectors(np.ones(seen.box.shape[1], dtype=np.int64))).T
+    around = (seen.box @ lattice_vectors(np.ones(seen.box.shape[1], dtype=np.int64))).T
     return [here, *(k for k in around if k.any() and (low + k < view[1]).all() and (high + k > view[0]).all())]
 
 

@@ -13,6 +13,8 @@ from skmpm import linear
 from skmpm.arrays import Array, Ints
 from skmpm.grid import BodyGrids, build_grids
 from skmpm.grid.assembly import ghost_facets
+from skmpm.linear.band import column_lengths
+from skmpm.linear.choice import chosen
 from skmpm.material import Material
 from skmpm.outline import chord_sagitta, slit_width
 from skmpm.scene import Scene
@@ -172,7 +174,7 @@ class SceneMetrics:
     def solver(self) -> str:
         """Name of the solver that `linear.default` selects, or of the scheme's own."""
         default = self.scheme.linear is linear.default
-        solver = linear.chosen(self._grid_and_columns[1]) if default else self.scheme.linear
+        solver = chosen(self._grid_and_columns[1]) if default else self.scheme.linear
         return str(getattr(solver, "__name__", type(solver).__name__))
 
     @cached_property
@@ -223,7 +225,7 @@ def _supported_grid(scene: Scene, scheme: Scheme) -> tuple[BodyGrids, Ints]:
     A = data.assembly.matrix(np.random.default_rng(0).random(pattern.shape), 1.0)  # whose entries do not cancel
     if data.supports is not None:
         A, _ = data.supports.reduced(A, grid.blocks)
-    return grid, linear.column_lengths(A, grid.blocks)
+    return grid, column_lengths(A, grid.blocks)
 
 
 def memory_of(points: int, unknowns: int, boundaries: int, width: int, solver: str) -> float:

@@ -8,6 +8,7 @@ from skmpm import outline
 from skmpm.arrays import Array, Ints
 from skmpm.contact import acts_at_grid_nodes
 from skmpm.material import Rigid, determinant, is_linear
+from skmpm.outline.crossings import apart
 from skmpm.scene import MAX_OVERLAP, TOUCHING, Scene, State, centres, fitted_motions, material_at, overlaps
 from skmpm.scheme import Scheme
 from skmpm.step.errors import StepRejected, pair
@@ -165,7 +166,7 @@ def _check_crossings(scene: Scene, after: State) -> None:
     pairs = outline.crossings(boundary, x, np.flatnonzero(scene.deformable))
     if pairs.size == 0:
         return
-    local = outline.apart(boundary, x, *pairs) <= UNRESOLVED_FOLD * scene.cell
+    local = apart(boundary, x, *pairs) <= UNRESOLVED_FOLD * scene.cell
     if local.any():
         raise _crossed(boundary, x, pairs[:, np.argmax(local)], "", FOLDS)
     for b in np.unique(boundary.body[pairs[0]]):

@@ -10,7 +10,7 @@ from numbers import Real
 import numpy as np
 
 from skmpm.arrays import Array, Bools
-from skmpm.contact import with_largest_forces
+from skmpm.contact.closest_points import with_largest_forces
 from skmpm.linear import Delassus, one_thread
 from skmpm.observe import with_fluids
 from skmpm.parallel import threads

@@ -14,7 +14,8 @@ import scipy.sparse as sp
 
 from skmpm import coulomb
 from skmpm.arrays import Array, Ints
-from skmpm.linear import Delassus, Joined, Rotated, Solver
+from skmpm.linear import Delassus, Solver
+from skmpm.linear.corrected import Joined, Rotated
 from skmpm.step.contact_problem import ContactIterate
 from skmpm.step.contact_stiffness import ContactStiffness
 from skmpm.step.scalar_unknowns import ScalarUnknowns

@@ -8,7 +8,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from skmpm.arrays import Array
-from skmpm.linear import NotPositiveDefinite, Solver, joined, without_added_mass
+from skmpm.linear import NotPositiveDefinite, Solver
+from skmpm.linear.corrected import joined, without_added_mass
 from skmpm.material import LinearElastic, poisson_ratio, youngs_modulus
 from skmpm.step.bulk import Bulk
 from skmpm.step.equations import Increment

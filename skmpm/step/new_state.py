@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from skmpm.arrays import Array, Bools
-from skmpm.contact import Constraints, lasting_force
+from skmpm.contact import Constraints
+from skmpm.contact.closest_points import lasting_force
 from skmpm.grid.transfer import to_points
 from skmpm.material import determinant, product
 from skmpm.scene import (

@@ -25,7 +25,8 @@ import scipy.sparse as sp
 
 from skmpm import outline
 from skmpm.arrays import Array, Bools
-from skmpm.contact import Constraints, recut_keys
+from skmpm.contact import Constraints
+from skmpm.contact.keys import recut_keys
 from skmpm.scene import Contacts, Periodic, PrescribedVelocities, Scene, State, centres, deformed, recut
 from skmpm.step.scalar_unknowns import Carrier, Interval
 from skmpm.step.terms import Budget, Path

@@ -12,7 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from skmpm.arrays import Array, Ints
-from skmpm.contact import acts_at_grid_nodes, joined_parts
+from skmpm.contact import acts_at_grid_nodes
+from skmpm.contact.self_contact import joined_parts
 from skmpm.grid import BodyGrids
 from skmpm.material import determinant, inverse, product
 from skmpm.scene import Derived, Scene, SceneError, State

@@ -20,7 +20,8 @@ import numpy as np
 from skmpm.arrays import Array, Bools, Ints
 from skmpm.compiled import compiled
 from skmpm.grid import BodyGrids
-from skmpm.linear import Rotated, Solver
+from skmpm.linear import Solver
+from skmpm.linear.corrected import Rotated
 from skmpm.scene import TOUCHING
 from skmpm.step.equations import Increment
 from skmpm.step.terms import Configuration

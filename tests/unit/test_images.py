@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from skmpm import outline
 from skmpm.contact.keys import lattice_code, recut_keys
-from skmpm.outline import images, reduced, without_images
+from skmpm.outline.images import images, reduced, without_images
 from skmpm.scene.periodic import recut
 
 CIRCLE = 2.0 * np.pi * np.arange(12) / 12

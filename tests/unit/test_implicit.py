@@ -27,6 +27,7 @@ from skmpm import (
     step,
 )
 from skmpm.linear import band
+from skmpm.linear.corrected import without_added_mass
 from skmpm.step import contact_solve
 from skmpm.step.bulk import Bulk
 from skmpm.step.contact_stiffness import ContactStiffness
@@ -187,7 +188,7 @@ def test_the_delassus_operator_with_added_mass_is_that_of_its_own_inverse():
     c = np.array([0.7, 0.0])[: grid.bodies]
     inner = linear.direct(sp.bsr_array(np.diag((1.0 + np.repeat(c[grid.node_body], 2)) * mass)), grid.blocks, None)
     total = grid.sums(mass[None, ::2])[0]
-    solver = linear.without_added_mass(inner, grid.node_body, c * total, total)
+    solver = without_added_mass(inner, grid.node_body, c * total, total)
     H = sp.csr_array(sp.kron(grid.interpolation[[0, 5, -1]], np.eye(2), format="csr"))
     wanted = H @ solver(H.T.toarray())
     assert solver.delassus(H).toarray() == pytest.approx(wanted, rel=1e-12, abs=1e-14 * np.abs(wanted).max())

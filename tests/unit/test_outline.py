@@ -7,6 +7,9 @@ from hypothesis import strategies as st
 
 from skmpm import outline
 from skmpm.outline import topology
+from skmpm.outline.crossings import apart, turns
+from skmpm.outline.images import without_images
+from skmpm.outline.near import candidates
 
 SQUARE = np.array([[0.0, 1.0, 1.0, 0.0], [0.0, 0.0, 1.0, 1.0]])
 SEEDS = st.integers(0, 2**32 - 1)
@@ -94,7 +97,7 @@ def test_nothing_is_measured_where_there_is_no_outline():
     assert np.isnan(outline.centroid(o, x, n)).all()
     assert all(np.isnan(d).all() for d in outline.dimensions(o, x, n))
     assert outline.normals(o, x).shape == (2, 0)
-    assert [a.size for a in outline.candidates(o, x, 1.0)] == [0, 0]
+    assert [a.size for a in candidates(o, x, 1.0)] == [0, 0]
     assert [a.shape for a in outline.overlap(o, x, n)] == [(2, 0), (0,)]
     assert not outline.inside(o, x, 0, np.zeros((2, 3))).any()
 
@@ -205,12 +208,12 @@ def test_candidates_are_those_of_the_full_search(seed, reach):
     c, j = (a.ravel() for a in np.meshgrid(np.arange(o.size), np.arange(o.size), indexing="ij"))
     near = outline.closest(x[:, c], x[:, j], x[:, o.next[j]])[1] < reach
     near &= o.body[c] != o.body[j]
-    np.testing.assert_array_equal(outline.candidates(o, x, reach), (c[near], j[near]))
+    np.testing.assert_array_equal(candidates(o, x, reach), (c[near], j[near]))
 
 
 def test_candidates_survive_a_body_of_no_length():
     o, x, _ = build([np.zeros((2, 3))], [np.zeros((2, 3)) + 0.5])
-    assert outline.candidates(o, x, 1.0)[0].size == 18
+    assert candidates(o, x, 1.0)[0].size == 18
 
 
 @given(SEEDS)
@@ -270,7 +273,7 @@ def test_bodies_that_touch_or_are_apart_share_nothing(shift):
 def depths(*bodies):
     """How deep bodies overlap, by pairs."""
     o, x, n = build(*bodies)
-    pairs, _, depth = outline.without_images(o, n).depth(outline.curve(o, x).through(x))
+    pairs, _, depth = without_images(o, n).depth(outline.curve(o, x).through(x))
     return dict(zip(map(tuple, pairs.T.tolist()), depth.tolist(), strict=True))
 
 
@@ -437,7 +440,7 @@ def test_crossings_are_those_of_all_pairs_of_edges(seed):
 
 def test_convex_bodies_turn_back_nowhere_and_a_figure_of_eight_by_a_whole_turn():
     boundary, x, _ = build([regular(40)], [SQUARE])
-    assert np.array(outline.turns(boundary, x)) == pytest.approx(2.0 * np.pi * np.array([[1, 1], [0, 0]]), abs=1e-12)
+    assert np.array(turns(boundary, x)) == pytest.approx(2.0 * np.pi * np.array([[1, 1], [0, 0]]), abs=1e-12)
     a = 2.0 * np.pi * (np.arange(100) + 0.5) / 100
     eight = np.array([np.sin(2.0 * a), np.sin(a)])
     assert crossed([eight]).shape[1] == 1
@@ -450,14 +453,14 @@ def test_turns_are_sums_of_the_angles_at_boundary_points(seed):
     rng = np.random.default_rng(seed)
     o, x, bodies = build([rng.normal(size=(2, rng.integers(3, 20)))], [SQUARE, 0.5 * SQUARE[:, ::-1] + 0.2])
     angle = outline.turning_angles(o, x)
-    for sign, turned in zip((1.0, -1.0), outline.turns(o, x), strict=True):
+    for sign, turned in zip((1.0, -1.0), turns(o, x), strict=True):
         np.testing.assert_allclose(turned, np.bincount(o.body, np.maximum(sign * angle, 0.0), bodies), atol=1e-12)
 
 
 def test_a_loop_that_goes_round_twice_crosses_itself_though_it_never_turns_back():
     a = 2.0 * np.pi * (np.arange(60) + 0.25) / 60
     limacon = (0.5 + np.cos(a)) * np.array([np.cos(a), np.sin(a)])
-    assert outline.turns(*build([limacon])[:2])[1].max() < 1e-12
+    assert turns(*build([limacon])[:2])[1].max() < 1e-12
     assert crossed([limacon]).shape[1] == 1
 
 
@@ -470,4 +473,4 @@ def test_a_hole_that_moves_through_the_outer_boundary_crosses_it():
 def test_the_outline_between_two_segments_is_measured_the_shorter_way():
     boundary, x, _ = build([SQUARE], [SQUARE + 2.0, 0.1 * SQUARE[:, ::-1] + 2.3])
     i, j = np.array([0, 0, 4, 4]), np.array([1, 3, 6, 8])
-    assert outline.apart(boundary, x, i, j) == pytest.approx([1.0, 1.0, 2.0, np.inf])
+    assert apart(boundary, x, i, j) == pytest.approx([1.0, 1.0, 2.0, np.inf])

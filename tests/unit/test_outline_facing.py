@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from skmpm import outline
+from skmpm.outline.crossings import folded
+from skmpm.outline.near import facing
 
 ARMS = np.array([[0.0, 4.0, 4.0, 1.0, 1.0, 4.0, 4.0, 0.0], [0.0, 0.0, 1.0, 1.0, 1.5, 1.5, 3.0, 3.0]])
 
@@ -29,14 +31,14 @@ BODY = np.array([0])
 def test_the_arms_of_a_fork_face_each_other_over_the_gap_only():
     """Not through an arm, although both of its sides are as close; not around the end of the slot."""
     boundary, x = one_body(divided(ARMS, 12))
-    c, j = outline.facing(boundary, x, BODY, 1.1, 0.1)
+    c, j = facing(boundary, x, BODY, 1.1, 0.1)
     low, high = (x[:, c], 0.5 * (x[:, j] + x[:, boundary.next[j]]))
     assert c.size > 0
     within = np.sort(np.stack([low[1], high[1]]), axis=0)
     np.testing.assert_allclose(within, np.repeat([[1.0], [1.5]], c.size, axis=1))
     assert set(x[0, c[low[1] == 1.0]]) == set(x[0, (x[1] == 1.0) & (x[0] > 0.0)])
-    assert outline.facing(boundary, x, BODY, 0.49, 0.1)[0].size == 0
-    assert outline.facing(boundary, x, BODY[:0], 1.1, 0.1)[0].size == 0
+    assert facing(boundary, x, BODY, 0.49, 0.1)[0].size == 0
+    assert facing(boundary, x, BODY[:0], 1.1, 0.1)[0].size == 0
 
 
 def test_what_has_penetrated_by_less_than_the_depth_still_faces():
@@ -45,7 +47,7 @@ def test_what_has_penetrated_by_less_than_the_depth_still_faces():
     boundary, x = one_body(moved)
     flat = np.isclose(x[1], 1.6) & (x[0] > 1.5) & (x[0] < 3.5)
     for depth, found in ((0.09, False), (0.11, True)):
-        c, _ = outline.facing(boundary, x, BODY, 0.2, depth)
+        c, _ = facing(boundary, x, BODY, 0.2, depth)
         assert np.isin(np.flatnonzero(flat), c).all() == found
 
 
@@ -53,12 +55,12 @@ def test_walls_of_a_hole_face_each_other_and_not_the_outer_boundary():
     square = np.array([[0.0, 1.0, 1.0, 0.0], [0.0, 0.0, 1.0, 1.0]])
     outer, hole = divided(square, 10), divided(0.2 * square[:, ::-1] + 0.1, 4)
     boundary, x = one_body(outer, hole)
-    c, j = outline.facing(boundary, x, BODY, 0.25, 0.05)
+    c, j = facing(boundary, x, BODY, 0.25, 0.05)
     assert c.size > 0
     assert (c >= 40).all()
     assert (j >= 40).all()
-    assert outline.folded(boundary, x).tolist() == [0]
-    assert outline.folded(*one_body(outer)).size == 0
+    assert folded(boundary, x).tolist() == [0]
+    assert folded(*one_body(outer)).size == 0
 
 
 @pytest.mark.parametrize("lift", [0.25, 0.6, 0.7])

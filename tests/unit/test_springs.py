@@ -12,6 +12,7 @@ from scipy.linalg import block_diag
 
 import skmpm
 from skmpm import LinearElastic, NeoHookean, Spring, coulomb, linear, spring_forces
+from skmpm.linear.corrected import joined
 from skmpm.points import box, disc, from_mesh
 from skmpm.scene import Body, Load, Scene, SceneError, StepFailed, Support, Wall
 from skmpm.scheme import Scheme
@@ -281,14 +282,14 @@ def test_the_joined_inverse_and_its_delassus_operator_are_those_of_the_sum(solve
     C = STIFF.tangent(np.repeat(np.eye(2)[:, :, None], state.x.shape[1], axis=2))
     A = assembly.matrix(assembly.stiffness(C), 1e-4)
     B, stiffness = springs.coupling(Configuration(np.zeros(2 * grid.nodes)))
-    joined = linear.joined(solver(A, grid.blocks, grid.rigid_motions), B, 1e4 * stiffness, grid.blocks)
+    coupled = joined(solver(A, grid.blocks, grid.rigid_motions), B, 1e4 * stiffness, grid.blocks)
     whole = A.toarray() + B.T @ (1e4 * block_diag(*stiffness) @ B.toarray())
     b = rng.normal(size=2 * grid.nodes)
     exact = np.linalg.solve(whole, b)
-    np.testing.assert_allclose(joined(b), exact, atol=1e-6 * np.abs(exact).max())
+    np.testing.assert_allclose(coupled(b), exact, atol=1e-6 * np.abs(exact).max())
     rows = sp.csr_array(sp.kron(grid.interpolation[[3, 400, 700]], np.eye(2), format="csr"))
     W = rows @ np.linalg.solve(whole, rows.toarray().T)
-    np.testing.assert_allclose(joined.delassus(rows).toarray(), W, atol=1e-6 * np.abs(W).max())
+    np.testing.assert_allclose(coupled.delassus(rows).toarray(), W, atol=1e-6 * np.abs(W).max())
 
 
 def wall_of_blocks(n, friction, **options):
@@ -323,12 +324,12 @@ def test_bars_of_different_bodies_share_a_solve(solver):
         return inner(b)
 
     B, stretched = springs.coupling(Configuration(0.01 * np.random.default_rng(1).normal(size=2 * grid.nodes)))
-    joined = linear.joined(counted, B, 1e4 * stretched, grid.blocks)
+    coupled = joined(counted, B, 1e4 * stretched, grid.blocks)
     assert columns[0] <= 4  # two directions of the two bars on a block
     whole = A.toarray() + B.T @ (1e4 * block_diag(*stretched) @ B.toarray())
     b = np.random.default_rng(2).normal(size=2 * grid.nodes)
     exact = np.linalg.solve(whole, b)
-    np.testing.assert_allclose(joined(b), exact, atol=1e-7 * np.abs(exact).max())
+    np.testing.assert_allclose(coupled(b), exact, atol=1e-7 * np.abs(exact).max())
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.5])
