@@ -118,13 +118,6 @@ def values(c: Array, segment: Ints, s: Array, derivative: int) -> Array:
     return out
 
 
-@compiled
-def see(y: Array, c: Array, segment: Ints, s: Array, normal: Array, gap: Array, along: Array) -> None:
-    """Write normals (2, k) of points of the curve, and where y (2, k) lies relative to them (`Cubics.seen_from`)."""
-    for k in range(s.size):
-        normal[0, k], normal[1, k], gap[k], along[k] = seen((y[0, k], y[1, k]), c, segment[k], s[k])
-
-
 @compiled_in_order
 def backward_shares(x: Array, previous: Ints, following: Ints, corner: Bools) -> Array:
     """Shares (m,) of the direction of the segment behind each point x (2, m) in the tangent there.

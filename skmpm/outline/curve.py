@@ -18,7 +18,7 @@ import numpy as np
 
 from skmpm.arrays import Array, Bools, Ints
 from skmpm.compiled import compiled, compiled_in_order
-from skmpm.outline.cubics import Loops, backward_shares, project, see, values
+from skmpm.outline.cubics import Loops, backward_shares, project, values
 from skmpm.outline.topology import Outlines
 
 CORNER_COSINE = np.cos(np.deg2rad(50.0))  # of the turn: a regular octagon (45 degrees) is smooth, a hexagon is not
@@ -232,15 +232,6 @@ class Cubics:
         """Unit outward normals (2, k)."""
         slope = self.at(segment, s, 1)
         return np.asarray(np.stack([slope[1], -slope[0]]) / np.maximum(np.hypot(*slope), 1e-300))
-
-    def seen_from(self, y: Array, segment: Ints, s: Array) -> tuple[Array, Array, Array]:
-        """Unit outward normals (2, k) at points of the curve, and where y (2, k) lies relative to these points.
-
-        In front by a distance (k,) [m], negative behind, and along the tangent by (k,) [segments].
-        """
-        normal, gap, along = np.empty_like(y), np.empty_like(s), np.empty_like(s)
-        see(y, self.c, segment, s, normal, gap, along)
-        return normal, gap, along
 
     def area(self, bodies: int) -> Array:
         """Area enclosed by the curves of each body, without its holes, (bodies,) [m2]; 0 without outline.

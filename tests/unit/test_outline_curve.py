@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from skmpm.outline import curve, outlines
+from skmpm.outline.cubics import seen
 
 
 def ring(n, radius=1.0):
@@ -164,8 +165,9 @@ def test_projection_is_the_nearest_point_even_from_a_neighbouring_segment():
     assert (distance <= nearest + 1e-12).all()
     apart, normal = y - c.through(x).at(segment, s), c.through(x).normals(segment, s)
     assert np.abs(apart[0] * normal[1] - apart[1] * normal[0]).max() < 1e-10
-    seen, gap, along = c.through(x).seen_from(y, segment, s)
-    assert seen == pytest.approx(normal, abs=1e-14) and np.abs(along).max() < 1e-9
+    c = c.through(x).c
+    *outward, gap, along = np.array([seen((a, b), c, i, t) for a, b, i, t in zip(*y, segment, s, strict=True)]).T
+    assert np.array(outward) == pytest.approx(normal, abs=1e-14) and np.abs(along).max() < 1e-9
     assert gap == pytest.approx(np.copysign(distance, radius - 1.0), abs=1e-3)  # the curve is not quite a circle
 
 
@@ -173,9 +175,7 @@ def test_where_a_point_lies_relative_to_one_of_the_curve():
     """A square's lower side, from 0.25 of its length on: 0.1 in front of it and a fifth of its length further."""
     x = np.array([[0.0, 2.0, 2.0, 0.0], [0.0, 0.0, 2.0, 2.0]])
     shape = curve(one_body(x), x).through(x)
-    normal, gap, along = shape.seen_from(np.array([[0.9], [-0.1]]), np.array([0]), np.array([0.25]))
-    assert normal[:, 0] == pytest.approx([0.0, -1.0])
-    assert gap[0] == pytest.approx(0.1) and along[0] == pytest.approx(0.2)
+    assert seen((0.9, -0.1), shape.c, 0, 0.25) == pytest.approx((0.0, -1.0, 0.1, 0.2))
 
 
 def test_the_normal_and_the_shares_are_the_derivative_of_the_gap():
