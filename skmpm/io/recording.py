@@ -45,7 +45,7 @@ def record(path: str | Path, scene: Scene, *, append: bool = False) -> Iterator[
     Notes
     -----
     The file can be read after every `write`, also while the run continues (a reader that meets an unfinished write
-    must read again) and after it is killed. `read` returns its frames as arrays. It has four blocks:
+    must read again) and after it is killed. `read` returns its frames as arrays. It has five blocks:
 
     - points: a vertex per material point, with velocity [m/s], displacement since t = 0 [m], stress (9, Cauchy, row
       by row, tension positive; zz is that of plane strain) and pressure -(xx + yy)/2 [Pa], both elastic, without what

@@ -25,7 +25,7 @@ from examples.studies.provenance import made
 from skmpm.sweep import Member
 
 HEAD = ("friction", "softness", "flattening [%]", "w/d", "packings", "clogged", "discs that left",
-        "discs left in a clog", "discs in an arch", "steps", "retries", "time [min]")  # fmt: skip
+        "discs remaining in a clog", "discs in an arch", "steps", "retries", "time [min]")  # fmt: skip
 Point = tuple[float, float, float]
 
 

@@ -33,7 +33,7 @@ def artefact(found: Study) -> Figure | None:
     for i, (label, member) in enumerate(ours.items()):
         resistance(right, member, f"C{i}", label)
     right.axvspan(0.83, 0.86, color="0.9", label="jamming without friction")
-    for axis, title in ((left, "mode of Nezamabadi et al. (2017)"), (right, "gap corrected")):
+    for axis, title in ((left, "mode of Nezamabadi et al. (2017)"), (right, "contact at outlines")):
         axis.axhline(1e-3, color="k", linewidth=0.5)
         axis.set(yscale="log", ylim=(1e-5, 0.2), xlabel="solid fraction of the interior", title=title)
         axis.legend(fontsize=8)

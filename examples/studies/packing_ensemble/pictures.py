@@ -73,7 +73,7 @@ PICTURES: dict[str, tuple[Callable[[Study], Figure | None], str]] = {
     ),
     "artefact.png": (
         artefact.artefact,
-        "Interior pressure where it first resists: left with contact at shared nodes, right with the gap corrected. "
+        "Interior pressure where it first resists: left with contact at shared nodes, right at outlines. "
         "Vertical lines: the formula at rest (dashed) and at 2 m/s (dotted); dots: first changes.",
     ),
     "distant.png": (

@@ -56,7 +56,7 @@ def distant(found: Study) -> Figure | None:
     """A corner of the box at the first stage, in the mode of Nezamabadi et al. (2017) and with the gap corrected."""
     kinds = {
         "mode of Nezamabadi et al. (2017), R/h = 6": found.get("shared_grid_mu0_r6"),
-        "gap corrected": found.packing("fast", 0.0),
+        "contact at outlines": found.packing("fast", 0.0),
     }
     states = {what: stages.states(m).get(study.STAGES[0]) for what, m in kinds.items() if m is not None}
     if len(states) < len(kinds) or None in states.values():

@@ -118,7 +118,7 @@ def shared_grid(found: Study) -> list[Line]:
         predicted = [apparent(cells), apparent(cells, own)] if friction == "0" else [np.nan, np.nan]
         values = [change(found.get(name)), *predicted, break_of(found, name)]
         lines.append((f"shared grid, R/h = {cells}", friction, *map(figure, values), distance(found, name)))
-    for kind, what in (("quasistatic", "gap corrected, quasi-static"), ("fast", "gap corrected, 2 m/s")):
+    for kind, what in (("quasistatic", "contact at outlines, quasi-static"), ("fast", "contact at outlines, 2 m/s")):
         for mu in (0.0, 0.5):
             name = f"{kind}_mu{mu:g}_seed0"
             first = figure(resisting(found, kind, mu)[0])

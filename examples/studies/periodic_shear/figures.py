@@ -25,7 +25,7 @@ from skmpm.sweep import Member
 STEADY = 0.2  # strain from which means are taken
 WINDOW = 0.01  # strain over which the curves of the figure are averaged
 HEAD = ("member", "steps", "retries", "μ* at most", "μ* mean", "its deviation", "Φ at first", "Φ mean", "Z mean",
-        "vertical stress off P", "kinetic / elastic, median", "time")  # fmt: skip
+        "vertical stress off P", "kinetic / elastic, median", "wall time")  # fmt: skip
 Columns = dict[str, np.ndarray]
 
 

@@ -105,7 +105,7 @@ TEXT = {
     " The step s is dt c / R or, where a lid drives, its displacement over R. The law is fitted to all runs that"
     " differ from `balanced` in R/h, spacing and dt only, the d of packings to the lids. `skmpm.suggest` uses the"
     " constants on the right. Its c of packings is that of a square array of equal discs, whose errors do not cancel"
-    " (`test_promises`). The last columns are how well the law fits.",
+    " (`test_promises`). The last columns are the factors between errors of runs and the law.",
     "codes": "Cost of finite elements over that of this library, by the cheapest run of each within an error, if both"
     f" reach it ({download('codes')}).",
 }
