@@ -57,7 +57,47 @@ def recover(side: Side, placed: Placed, loads: Array, lattice: Array, length: fl
         tractions = shared(q, f_narrow) + widely(f - f_narrow)
         difference = shared(q, f) - widely(f)
     error = 2.0 * shared(one, A @ np.hypot(*difference[:, :2].T)[:, None])[:, 0]
-    return _with_moments(side, segment, t, loads, tractions, stretch)[:, :-1].T, error
+    tractions = _with_moments(side, segment, t, loads, tractions, stretch)
+    hidden = _hidden(side, segment, t, loads[-1], placed.width[here], tractions[:, -1], h)
+    return tractions[:, :-1].T, np.maximum(error, hidden)
+
+
+def _hidden(side: Side, segment: Ints, t: Array, force: Array, width: Array, size: Array, h: float) -> Array:
+    """What tractions of a size (n,) lack [Pa] if each contact has the lowest peak that its forces (k,) allow.
+
+    Forces are of one contact if they are at most two cells apart: those farther apart hardly share a node.
+    """
+    away = np.abs(side.s[:, None] - _positions(side, segment, t)[force > 0.0])
+    away = np.minimum(away, side.total - away) if side.closed else away
+    near = away.min(axis=1, initial=np.inf) <= h
+    near[segment[force > 0.0]] = True
+    contact = _stretches(side, near)
+    least, peak = _least_peaks(side, segment, t, force, width, contact), np.zeros(int(contact.max()) + 1)
+    size = np.where(near, size, 0.0)
+    np.maximum.at(peak, contact, size)
+    lacking = np.divide(least, peak, out=np.ones(peak.size), where=peak > 0.0) - 1.0
+    return np.multiply(np.maximum(lacking, 0.0)[contact], size, out=np.zeros(size.size), where=size > 0.0)
+
+
+def _least_peaks(side: Side, segment: Ints, t: Array, force: Array, width: Array, contact: Ints) -> Array:
+    """Lowest peak [Pa] that each of the contacts (n,) of the points may have; inf where it may have no width.
+
+    Of all tractions with the same force and second moment the uniform one has the lowest peak; it is sqrt(12)
+    standard deviations wide. Forces (k,) act at points, and are shared by those on both sides of where the traction
+    acts: that has added width^2 / 6 to the second moment, the variance of a hat function.
+    """
+    own, groups = contact[segment], int(contact.max()) + 1
+    x = (1.0 - t) * side.x[:, segment] + t * side.x[:, (segment + 1) % side.point.size]
+    sums = _sums(force[:, None] * np.stack([np.ones(t.size), *x], axis=1), own, groups)
+    total, mean = sums[:, 0], _ratio(sums[:, 1:], sums[:, 0])
+    square = ((x.T - mean[own]) ** 2).sum(axis=1) - width**2 / 6.0
+    extent = np.sqrt(12.0 * np.maximum(total * _sums((force * square)[:, None], own, groups)[:, 0], 0.0))
+    return np.asarray(np.divide(total**2, extent, out=np.full(groups, np.inf), where=extent > 0.0))
+
+
+def _positions(side: Side, segment: Ints, t: Array) -> Array:
+    """Arc lengths on the side (k,) [m] of places at parts t of segments."""
+    return np.asarray(side.s[segment] + t * np.diff(np.append(side.s, side.total))[segment])
 
 
 def _with_moments(side: Side, segment: Ints, t: Array, loads: Array, tractions: Array, stretch: Ints) -> Array:
@@ -84,9 +124,9 @@ def _ratio(a: Array, b: Array) -> Array:
     return np.divide(a, b[:, None], out=np.zeros_like(a), where=b[:, None] > 0.0)
 
 
-def _sums(values: Array, group: Ints) -> Array:
-    """Sums of the rows of values (n, c) over groups (n,), as (groups, c)."""
-    return np.stack([np.bincount(group, column) for column in values.T], axis=1).astype(np.float64)
+def _sums(values: Array, group: Ints, groups: int = 0) -> Array:
+    """Sums of the rows of values (n, c) over groups (n,), of which there are at least `groups`, as (groups, c)."""
+    return np.stack([np.bincount(group, column, groups) for column in values.T], axis=1).astype(np.float64)
 
 
 def _point_forces(side: Side, segment: Ints, t: Array, loads: Array) -> Array:

@@ -28,6 +28,7 @@ class Side:
     begin: float  # arc length along the loop where the side begins [m]
     s: Array  # (n,) arc length on the side [m]
     total: float  # its length [m]
+    x: Array  # (2, n) [m]
 
     @property
     def segments(self) -> Ints:
@@ -54,10 +55,10 @@ def sides(outlines: Outlines, corner: Bools, x: Array, body: int) -> list[Side]:
         s, around = np.append(0.0, np.cumsum(length)), np.append(turned, turned[0])
         cuts = np.flatnonzero(np.append(corner[turned], True))
         if cuts.size == 1:
-            found.append(Side(loop, True, 0.0, s[:-1], float(s[-1])))
+            found.append(Side(loop, True, 0.0, s[:-1], float(s[-1]), x[:, loop]))
         for i, j in pairwise(cuts):
-            path = slice(i, j + 1)
-            found.append(Side(around[path], False, float(s[i]), s[path] - s[i], float(s[j] - s[i])))
+            path, total = slice(i, j + 1), float(s[j] - s[i])
+            found.append(Side(around[path], False, float(s[i]), s[path] - s[i], total, x[:, around[path]]))
     return found
 
 
@@ -70,11 +71,13 @@ class Placed:
     t: Array  # (k,) position on the segment, 0 to 1
     share: Array  # (k,) of the force of the contact
     sign: Array  # (k,) 1 where the body is the first of the pair, else -1
+    width: Array  # (k,) of boundary that belongs to the boundary point of the contact [m]
 
-    def with_middles(self, segments: Ints) -> Placed:
-        """The places with the middles of segments (s,), which are of no contact."""
-        added = (np.full(segments.size, -1), segments, np.full(segments.size, 0.5), *2 * (np.ones(segments.size),))
-        both = zip((self.contact, self.segment, self.t, self.share, self.sign), added, strict=True)
+    def with_middles(self, segments: Ints, lengths: Array) -> Placed:
+        """The places with the middles of segments (s,) of lengths (s,) [m], which are of no contact."""
+        one = np.ones(segments.size)
+        added = (np.full(segments.size, -1), segments, 0.5 * one, one, one, lengths)
+        both = zip((self.contact, self.segment, self.t, self.share, self.sign, self.width), added, strict=True)
         return Placed(*(np.append(old, new) for old, new in both))
 
 
@@ -88,7 +91,10 @@ def place(contacts: Contacts, outlines: Outlines, corner: Bools, x: Array, body:
     sign, own = np.where(second == 0, 1.0, -1.0), np.flatnonzero(outlines.body == body)
     outward = -sign * contacts.normal[:, k]
     step = x[:, outlines.next] - x
-    normal = np.stack([step[1], -step[0]]) / np.maximum(np.hypot(*step), np.finfo(np.float64).tiny)
+    length = np.hypot(*step)
+    normal = np.stack([step[1], -step[0]]) / np.maximum(length, np.finfo(np.float64).tiny)
+    width = np.zeros(int(outlines.point.max(initial=-1)) + 1)
+    width[outlines.point] = 0.5 * (length + length[outlines.previous])
     start = np.tile(x[:, own], k.size)
     x_contact = np.where(second == 0, contacts.at(0)[:, k], contacts.at(1)[:, k])
     every = outline.closest(np.repeat(x_contact, own.size, axis=1), start, start + np.tile(step[:, own], k.size))
@@ -110,6 +116,7 @@ def place(contacts: Contacts, outlines: Outlines, corner: Bools, x: Array, body:
         t=np.concatenate([t[one], np.ones(both.size), np.zeros(both.size)]),
         share=np.concatenate([np.ones(one.size), 1.0 - share, share]),
         sign=sign[order],
+        width=width[contacts.point[k[order]]],
     )
 
 

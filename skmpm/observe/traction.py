@@ -37,7 +37,8 @@ class Traction:
     traction : (2, m) [Pa] force of the contacts on the body per length, in x and y
     pressure : (m,) [Pa] normal traction, positive in compression, negative where cohesion bears tension
     shear : (m,) [Pa] tangential traction, positive along increasing arc length
-    error : (m,) [Pa] estimate of the error of the traction (`contact_pressure`)
+    error : (m,) [Pa] estimate of the error of the traction (`contact_pressure`); inf where the forces do not tell how
+        narrow a contact is
 
     Examples
     --------
@@ -104,8 +105,14 @@ def contact_pressure(scene: Scene, state: State, body: int, *, length: float | N
     narrow one from the f_I, and a wide one from the nodal forces of the first t. The narrow one resolves small
     contacts, the wide one has no scatter. The result is the narrow one where the length under load is at most 2.7
     cells, and approaches the wide one with the square of that length. All are projected on the hat functions of the
-    boundary points. The `error` is twice the difference of the two. Peaks of smooth contacts that are 2 cells wide or
-    more are off by less than 5 %, or by less than `error` (docs/how_to/measures.md).
+    boundary points. The `error` is twice the difference of the two.
+
+    A contact may be narrower than the result. Of all tractions with the force P and the standard deviation sigma of
+    its point forces the uniform one has the lowest peak, P / (sqrt(12) sigma). The `error` is at least what the
+    result lacks of it. Points L apart have added L^2 / 6 to sigma^2, the variance of their hat functions. Where no
+    more is there, as under a single point, the `error` is infinite. Forces at most two cells apart count as one
+    contact's. Peaks of smooth contacts, points up to a cell apart, are off by less than 5 %, or by less than `error`,
+    in 95 % of cases (docs/how_to/measures.md).
 
     The resultant is that of the contacts, on straight sides their moment, too. No force passes round a corner, and
     pressures are negative only where cohesion bears tension.
@@ -143,7 +150,7 @@ def traction(scene: Scene, state: State, body: int, pressure: Array, length: flo
         along = x[:, boundary.next[segments]] - x[:, segments]
         push = pressure[segments] * np.stack([-along[1], along[0]])
         loads = np.concatenate([loads, np.concatenate([push, push])], axis=1)
-        placed = placed.with_middles(segments)
+        placed = placed.with_middles(segments, np.hypot(*along))
     own = sides(boundary, corner, x, body)
     found = [recover(side, placed, loads, lattice, length, scene.cell) for side in own]
     spread, error = (np.concatenate(parts, axis=-1) for parts in zip(*found, strict=True))

@@ -146,6 +146,47 @@ def test_uniform_forces_are_a_uniform_traction_up_to_the_corners(segments, lengt
     assert found.error.max() < 0.02
 
 
+def pressed_at(width, *middles):
+    """Uniform pressures of 1 N/m each on parts of the bottom, in 1000 forces; points an eighth of a cell apart."""
+    x = np.concatenate([middle + width * ((np.arange(1000) + 0.5) / 1000 - 0.5) for middle in middles])
+    one = np.ones(x.size)
+    return contact_pressure(even(80), loaded(even(80), [x, 0.0 * x], [0.0 * x, one], [0.001 * one, 0.0 * x]), 0)
+
+
+@pytest.mark.parametrize("middle", [0.93, 1.0, 1.04])
+@pytest.mark.parametrize("cells", [0.25, 0.5, 1.0, 1.5])
+def test_the_error_reaches_the_pressure_of_contacts_too_narrow_for_the_cells(cells, middle):
+    exact, found = 1.0 / (cells * CELL), pressed_at(cells * CELL, middle)
+    peak = found.pressure.argmax()
+    assert found.pressure[peak] < 1.1 * exact
+    assert 0.999 * exact < found.pressure[peak] + found.error[peak] < 1.4 * exact
+    assert not found.error[found.normal[1] > -0.5].any()
+
+
+@pytest.mark.parametrize("middles", [(0.45, 1.45), (0.6, 1.2), (0.93, 1.49)])
+def test_narrow_contacts_do_not_hide_each_other(middles):
+    """Two of half a cell at a distance of three to five cells."""
+    exact, found = 1.0 / (0.5 * CELL), pressed_at(0.5 * CELL, *middles)
+    for middle in middles:
+        near = np.flatnonzero((np.abs(found.x[0] - middle) < CELL) & (found.normal[1] < -0.5))
+        peak = near[found.pressure[near].argmax()]
+        assert found.pressure[peak] < 0.6 * exact
+        assert 0.999 * exact < found.pressure[peak] + found.error[peak] < 1.4 * exact
+
+
+@pytest.mark.parametrize("x", [(0.7,), (0.5, 1.4)])
+@pytest.mark.parametrize("length", [None, 0.0, 0.1, 0.5])
+def test_the_error_under_a_single_point_is_infinite(length, x):
+    """Nothing tells how narrow the contact is; where no force is near, the error has a bound."""
+    at, one = np.array(x), np.ones(len(x))
+    state = loaded(block(), [at, 0.0 * one], [0.0 * one, one], [one, 0.0 * one])
+    found = contact_pressure(block(), state, 0, length=length)
+    away = np.where(found.normal[1] < -0.5, np.abs(found.x[0] - at[:, None]).min(axis=0), np.inf)
+    assert np.isinf(found.error[away < 0.06]).all()
+    assert np.isfinite(found.error[away > CELL]).all()
+    assert (found.error >= 0.0).all()
+
+
 @pytest.mark.parametrize("spacing", [0.05, 0.1, 0.15, 0.24])
 def test_uneven_points_beside_corners_cost_nothing(spacing):
     """`box` has segments of 2/3 and 5/6 of the others beside its corners; a quarter to 1.2 cells."""

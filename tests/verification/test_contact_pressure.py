@@ -6,8 +6,9 @@ Their peaks are right to 5 % on average. Point forces over tributary lengths err
   with the half-width $a$ of finite elements, up to 2.3 % narrower than Hertz's. Strains are small, so pressures are
   those per undeformed length; `contact_pressure` returns the current ones, 3 to 4 % higher at d/R = 0.1. Goals hold
   from half-widths of 1.2 cells on.
-- *Rings* are thick; bulk points are at most 0.55 h apart, whatever the spacing of the boundary. A peak is within its
-  error if it is off by at most 5 % or `Traction.error`.
+- *Narrow* contacts have peaks that are far too low. A peak is within its error if it is off by at most 5 % or
+  `Traction.error`, which is infinite where the forces do not tell how narrow a contact is.
+- *Rings* are thick; they have layers of bulk points at most 0.55 h apart, whatever the spacing of the boundary.
 - *Blocks* between smooth plates have the pressure $E / (1 - \nu^2)$ times the strain, corners included.
 - *Roller*: a rubber cover pressed by a steel roller (`covered_roller`).
 """
@@ -50,8 +51,9 @@ LENGTHS = (0.0, None)  # point forces, and the default
 BARS = {0.74: 0.15, 0.5: 0.10, 1 / 3: 0.10}  # of the rms error, over p0
 PEAK = 0.05
 WORST = {0.74: 0.10, 0.5: 0.10, 1 / 3: 0.13}  # peak in a single contact: what is measured, see the table
-RING_SPACINGS = (0.5, 0.6, 0.71, 0.86, 1.0, 1.2)  # of boundary points of rings [h]
+RING_SPACINGS = (0.3, 0.5, 0.6, 0.71, 0.86, 1.0)  # of boundary points of rings [h]
 RING_DEPTHS = (0.015, 0.025, 0.05)  # half-widths of 1.0, 1.3 and 2.0 cells
+NARROW_DEPTHS = (0.003, 0.01, 0.02, 0.03)  # half-widths of 0.2, 0.4, 0.6 and 0.75 cells in discs of R/h = 5
 SCHEME = Scheme(inertia=False, linear=linear.banded)
 STRAIN = 0.02  # of the block
 
@@ -69,10 +71,17 @@ def pressed_discs(size, spacing, count):
 
 
 @cache
-def pressed_rings(size, spacing, count):
-    """The same of rings of inner radius 0.3 R with boundary points `spacing` cells apart."""
+def lightly_pressed_discs(spacing, count):
+    """The same at `NARROW_DEPTHS`."""
     rng = np.random.default_rng(round(100 * spacing))
-    n, m = round(2.0 * np.pi * size / spacing), round(0.7 * size / 0.55)
+    return [_pressed(disc((0, 0), R, spacing=spacing * R / 5), 5, NARROW_DEPTHS, rng) for _ in range(count)]
+
+
+@cache
+def pressed_rings(size, spacing, count):
+    """The same of rings of inner radius 0.3 R; `spacing` is that of boundary points, ends and middles of edges."""
+    rng = np.random.default_rng(round(100 * spacing))
+    n, m = round(np.pi * size / spacing), round(0.7 * size / 0.55)
     return [_pressed(ring(0.3 * R, R, n, m), size, RING_DEPTHS, rng) for _ in range(count)]
 
 
@@ -122,7 +131,7 @@ def against_the_ellipse(case, depth, length):
         mine = s * normal @ X > 0.5 * R
         x, p, w = across @ X[:, mine], (longer * traction.pressure)[mine] / p0, weight[mine]
         estimate = (longer * traction.error)[mine][p.argmax()] / p0
-        inside = np.abs(x) < a
+        inside = np.abs(x) <= max(a, np.abs(x).min())
         ellipse = np.sqrt(np.clip(1.0 - (x / a) ** 2, 0.0, None))
         rms = np.sqrt(w[inside] @ (p - ellipse)[inside] ** 2 / w[inside].sum())
         out.append((rms, p.max() - 1.0, estimate, a / scene.cell))
@@ -225,15 +234,27 @@ def test_hertz(size, spacing):
 
 @pytest.mark.parametrize("spacing", RING_SPACINGS)
 def test_peaks_are_within_their_error_whatever_the_spacing(spacing):
-    """Half-widths of 1.0, 1.3 and 2.0 cells: each peak within 5 % or its estimate, from 1.3 cells on within 13 %.
+    """Half-widths of 1.0, 1.3 and 2.0 cells: each peak within 5 % or its estimate.
 
-    Points 1.2 cells apart: from 1.3 cells on.
+    From 1.3 cells on it is within 13 %, with points more than 0.6 cells apart within 25 %, and estimates are small.
     """
-    for depth in RING_DEPTHS[spacing > 1.0 :]:
+    sparse = spacing > 0.6
+    for depth in RING_DEPTHS:
         _, peak, estimate, half_widths = errors(pressed_rings(12, spacing, 3), depth)
         assert (np.abs(peak) < np.maximum(0.05, estimate)).all()
-        assert (np.abs(peak)[half_widths > 1.2] < 0.13).all()
-        assert estimate.mean() < {0.015: 0.30, 0.025: 0.22, 0.05: 0.12}[depth]
+        assert (np.abs(peak)[half_widths > 1.2] < (0.25 if sparse else 0.13)).all()
+        if depth > RING_DEPTHS[0]:
+            assert estimate.mean() < {0.025: (0.22, 0.45), 0.05: (0.12, 0.17)}[depth][sparse]
+
+
+@pytest.mark.parametrize("spacing", SPACINGS)
+def test_errors_tell_where_contacts_are_too_narrow(spacing):
+    """Half-widths of 0.2 to 0.75 cells, where peaks are 15 to 80 % too low: 19 of 20 within their estimate."""
+    cases = lightly_pressed_discs(spacing, 5)
+    found = [errors(cases, depth)[1:3] for depth in NARROW_DEPTHS]
+    peak, estimate = np.concatenate(found, axis=1)
+    assert np.mean(peak) < -0.3
+    assert np.mean(np.abs(peak) < np.maximum(0.05, estimate)) >= 0.95
 
 
 ROLLERS = [(1.1, 0.85), pytest.param(0.85, 1.2, marks=pytest.mark.slow)]
@@ -330,6 +351,7 @@ def rows():
     return [
         *(_hertz_row(width) for width in LENGTHS),
         _narrow_row(),
+        _light_row(),
         _ring_row(),
         _roller_row(),
         _block_row(),
@@ -383,21 +405,46 @@ def _narrow_row():
     )
 
 
+OF_ESTIMATES = "mean peak [%]", "worst peak [%]", "median estimate [%]", "within it [%]"
+
+
+def _against_estimates(peak, estimate):
+    within = 100.0 * (np.abs(peak) < np.maximum(0.05, estimate)).mean()
+    found = (100.0 * value for value in (peak.mean(), np.abs(peak).max(), np.median(estimate)))
+    return [
+        *(f"{value:{as_text}}" for value, as_text in zip(found, ("+.0f", ".0f", ".0f"), strict=True)),
+        f"{within:.0f}",
+    ]
+
+
+def _light_row():
+    lines = {}
+    for spacing in SPACINGS:
+        for depth, width in zip(NARROW_DEPTHS, ("0.2 h", "0.4 h", "0.6 h", "0.75 h"), strict=True):
+            _, peak, estimate, _ = errors(lightly_pressed_discs(spacing, OFFSETS), depth)
+            lines[f"half-width {width}, {spacing:.2f} h"] = _against_estimates(peak, estimate)
+    return Row(
+        "Hertz, half-width below a cell",
+        "ellipse of the same force",
+        "R/h = 5 (d/R = 0.003, 0.01, 0.02, 0.03), by half-width and spacing of points",
+        tabulated(OF_ESTIMATES, lines),
+        "-",
+        "-",
+        "test_errors_tell_where_contacts_are_too_narrow",
+    )
+
+
 def _ring_row():
     lines = {}
     for depth, width in zip(RING_DEPTHS, ("1.0 h", "1.3 h", "2.0 h"), strict=True):
         for spacing in RING_SPACINGS:
             _, peak, estimate, _ = errors(pressed_rings(12, spacing, OFFSETS), depth)
-            within = (np.abs(peak) < np.maximum(0.05, estimate)).mean()
-            found = peak.mean(), np.abs(peak).max(), estimate.mean(), within
-            sign = "+.0f", ".0f", ".0f", ".0f"
-            cells = [f"{100 * value:{as_text}}" for value, as_text in zip(found, sign, strict=True)]
-            lines[f"half-width {width}, {spacing:.2f} h"] = cells
+            lines[f"half-width {width}, {spacing:.2f} h"] = _against_estimates(peak, estimate)
     return Row(
         "Hertz, rings, by the spacing of points",
         "ellipse of the same force",
         "R/h = 12 (d/R = 0.015, 0.025, 0.05)",
-        tabulated(["mean peak [%]", "worst peak [%]", "mean estimate [%]", "within it [%]"], lines),
+        tabulated(OF_ESTIMATES, lines),
         "-",
         "-",
         "test_peaks_are_within_their_error_whatever_the_spacing",
