@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import skmpm
-from skmpm.points.convex import _filled, _rounded
+from skmpm.points.convex import _filled
+from skmpm.points.fill import rounded
 
 R, CELL = 1e-3, 0.2e-3
 GEL = skmpm.NeoHookean(E=1e6, nu=0.45, density=1000.0)
@@ -18,10 +19,8 @@ def rhombus(degrees, rounding, centre, angle):
     half = np.deg2rad(degrees) / 2.0
     length, radius = np.sqrt(0.5 * np.pi * R**2 / np.tan(half)), rounding * CELL
     corners = length * np.array([[1.0, 0.0, -1.0, 0.0], [0.0, np.tan(half), 0.0, -np.tan(half)]])
-    share = 1.0 - radius / (length * np.sin(half))
-    side = share * length / np.cos(half)
-    area = share**2 * np.pi * R**2 + 4.0 * side * radius + np.pi * radius**2
-    return _filled(_rounded(share * corners, radius), area, centre, 0.66 * CELL, angle, alike=4)
+    curve, _, area = rounded(corners, radius, np.zeros((2, 1)))
+    return _filled(curve, area, centre, 0.66 * CELL, angle, alike=4)
 
 
 def grains(degrees, rounding, seed):

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from skmpm import Body, NeoHookean, Scene, Wall, capsule, ellipse, initial, observe, polygon, simulate
 from skmpm.points import check
-from skmpm.points.convex import CLEARANCE
+from skmpm.points.fill import CLEARANCE
 from skmpm.preflight.sampling import stress_errors
 
 GEL = NeoHookean(1e6, 0.3, 1000.0)
