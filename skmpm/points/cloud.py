@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skmpm.arrays import Array, Ints
+from skmpm.outline.topology import chunks, ranges
 
 Names = NDArray[np.str_]
 
-ROWS = 200_000  # pairs of edges tested for crossing at a time
+PAIRS = 200_000  # of edges tested for crossing at a time
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -120,7 +121,7 @@ def check(points: Points) -> str | None:
     for k, loop in enumerate(points.outline):
         if message := _check_loop(x, loop):
             return f"outline loop {k} {message}"
-    return _check_crossings(x, points.outline) or _check_orientation(x, points.outline)
+    return check_crossings(x, points.outline) or _check_orientation(x, points.outline)
 
 
 def _check_group(points: Points) -> str | None:
@@ -147,19 +148,24 @@ def _check_loop(x: Array, loop: Ints) -> str | None:
     return None
 
 
-def _check_crossings(x: Array, outline: Sequence[Ints]) -> str | None:
+def check_crossings(x: Array, outline: Sequence[Ints]) -> str | None:
     """Edges that cross: the ends of each are on opposite sides of the other."""
     if not outline:
         return None
     start, end = np.concatenate(outline), np.concatenate([np.roll(loop, -1) for loop in outline])
     a, b, ends = x[:, start], x[:, end], np.cumsum([loop.size for loop in outline])
-    rows = max(1, ROWS // start.size)
-    for first in range(0, start.size, rows):
-        p, q = a[:, first : first + rows, None], b[:, first : first + rows, None]
-        apart = _side(p, q, a[:, None]) * _side(p, q, b[:, None]) < 0
-        crossed = apart & (_side(a[:, None], b[:, None], p) * _side(a[:, None], b[:, None], q) < 0)
+    along = np.ptp(a, axis=1).argmax()
+    low, high = np.minimum(a, b)[along], np.maximum(a, b)[along]
+    number, order = np.arange(start.size), np.argsort(low, kind="stable")
+    count = (
+        np.searchsorted(low[order], high[order], side="right") - number - 1
+    )  # later ones that begin before it ends
+    for part in chunks(count, PAIRS):
+        k, j = order[np.repeat(number[part], count[part])], order[ranges(number[part] + 1, count[part])]
+        apart = _side(a[:, k], b[:, k], a[:, j]) * _side(a[:, k], b[:, k], b[:, j]) < 0
+        crossed = apart & (_side(a[:, j], b[:, j], a[:, k]) * _side(a[:, j], b[:, j], b[:, k]) < 0)
         if crossed.any():
-            k, j = np.argwhere(crossed)[0] + (first, 0)
+            k, j = np.sort([k[crossed], j[crossed]], axis=0)[:, 0]
             edges = f"{start[k]}-{end[k]} and {start[j]}-{end[j]}"
             one, other = (int(np.searchsorted(ends, edge, side="right")) for edge in (k, j))
             if one != other:
@@ -172,7 +178,7 @@ def _side(a: Array, b: Array, p: Array) -> Array:
     """+1, 0, -1 where p is to the left of, on (to round-off), to the right of the line from a to b."""
     left, right = (b[0] - a[0]) * (p[1] - a[1]), (b[1] - a[1]) * (p[0] - a[0])
     # Positions of size |x| are known to eps |x|, so the products of their differences to eps |x| |b - a|.
-    length = np.abs(b - a).max(axis=0) * np.abs(p).max()
+    length = np.abs(b - a).max(axis=0) * np.abs(p).max(initial=0.0)
     side: Array = np.where(np.abs(left - right) <= 1e-14 * length, 0.0, np.sign(left - right))
     return side
 
@@ -180,7 +186,7 @@ def _side(a: Array, b: Array, p: Array) -> Array:
 def _check_orientation(x: Array, outline: Sequence[Ints]) -> str | None:
     """Loops inside an even number of others are outer loops and must be counter-clockwise, the others clockwise."""
     for k, loop in enumerate(outline):
-        depth = sum(_encloses(x[:, other], x[:, loop[0]]) for other in (*outline[:k], *outline[k + 1 :]))
+        depth = sum(encloses(x[:, other], x[:, loop[0]]) for other in (*outline[:k], *outline[k + 1 :]))
         area, kind = signed_area(x[:, loop]), ("an outer loop", "a hole")[depth % 2]
         if area * (-1) ** depth <= 0:
             order = ("counter-clockwise", "clockwise")[depth % 2]
@@ -195,7 +201,7 @@ def signed_area(x: Array) -> float:
     return float(np.sum(y[0] * z[1] - y[1] * z[0]) / 2)
 
 
-def _encloses(x: Array, p: Array) -> bool:
+def encloses(x: Array, p: Array) -> bool:
     """Whether the loop x (2, m) encloses p (2,): parity of the edges crossed by the ray to the right."""
     (a, b), (c, d) = x - p[:, None], np.roll(x, -1, axis=1) - p[:, None]
     crosses = (b > 0) != (d > 0)
