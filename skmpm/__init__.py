@@ -37,7 +37,7 @@ from skmpm.observe import (
 )
 from skmpm.packing import Packing, PackingError, packing
 from skmpm.plot import animate, plot
-from skmpm.points import Points, box, capsule, disc, ellipse, from_mesh, joined, polygon, ring, row
+from skmpm.points import Points, box, capsule, disc, ellipse, from_mesh, from_outline, joined, polygon, ring, row
 from skmpm.preflight import Preflight, PreflightWarning, Suggestion, explain, preflight, suggest
 from skmpm.scene import (
     Body,
@@ -116,6 +116,7 @@ __all__ = [
     "ellipse",
     "explain",
     "from_mesh",
+    "from_outline",
     "initial",
     "jam",
     "joined",

@@ -2,8 +2,22 @@
 
 from skmpm.points.cloud import Points, check
 from skmpm.points.composed import joined, ring, row
+from skmpm.points.contour import from_outline
 from skmpm.points.convex import capsule, ellipse, polygon
 from skmpm.points.mesh import from_mesh
 from skmpm.points.shapes import box, disc
 
-__all__ = ["Points", "box", "capsule", "check", "disc", "ellipse", "from_mesh", "joined", "polygon", "ring", "row"]
+__all__ = [
+    "Points",
+    "box",
+    "capsule",
+    "check",
+    "disc",
+    "ellipse",
+    "from_mesh",
+    "from_outline",
+    "joined",
+    "polygon",
+    "ring",
+    "row",
+]

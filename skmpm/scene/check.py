@@ -86,7 +86,7 @@ def _check_body(name: str, body: Body) -> None:
         raise SceneError(f"{name} is a {type(body).__name__}; use skmpm.Body(points, material)")
     if not isinstance(body.points, Points):
         raise SceneError(
-            f"{name}: points is a {type(body.points).__name__}; use skmpm.Points, disc, box or from_mesh"
+            f"{name}: points is a {type(body.points).__name__}; use skmpm.Points, disc, from_outline or from_mesh"
         )
     problem = check_points(body.points)
     if problem:
