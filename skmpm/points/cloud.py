@@ -157,9 +157,8 @@ def check_crossings(x: Array, outline: Sequence[Ints]) -> str | None:
     along = np.ptp(a, axis=1).argmax()
     low, high = np.minimum(a, b)[along], np.maximum(a, b)[along]
     number, order = np.arange(start.size), np.argsort(low, kind="stable")
-    count = (
-        np.searchsorted(low[order], high[order], side="right") - number - 1
-    )  # later ones that begin before it ends
+    begun = np.searchsorted(low[order], high[order], side="right")  # edges that begin before each one ends
+    count = begun - number - 1
     for part in chunks(count, PAIRS):
         k, j = order[np.repeat(number[part], count[part])], order[ranges(number[part] + 1, count[part])]
         apart = _side(a[:, k], b[:, k], a[:, j]) * _side(a[:, k], b[:, k], b[:, j]) < 0
