@@ -32,11 +32,11 @@ def explain(section: str | None = None) -> None:
     Examples
     --------
     >>> import skmpm
-    >>> skmpm.explain("motion-per-step")
-    motion-per-step
+    >>> skmpm.explain("friction")
+    friction
     <BLANKLINE>
-    **An object moves too far in a step**, or bodies move too far past each other. A step that moves a point by more
-    than a cell fails, and is repeated with a smaller length. Use a smaller `dt`, or none.
+    **The coefficient of friction is above 2**, up to which the contact solver was verified. Beyond it hardly anything
+    slides; use 2.
     """
     known = sections()
     if section is None:

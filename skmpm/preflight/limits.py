@@ -186,8 +186,8 @@ TABLE = (
           "test_dynamics"),
     Limit("stroke of a step", "motion-per-step", STROKE,
           lambda m: Reading([m.driven[0]], m.driven[1]) if m.touches else None,
-          "moves {value} h a step; verified for lids of packings that move by 0.08 to 0.14; use dt {smaller} times"
-          " as long", "test_interpenetration"),
+          "moves {value} h a step, the farthest of all that is driven; lids that squeeze discs were verified up to"
+          " {limit}; use dt {smaller} times as long, or none: chosen steps keep to it", "test_interpenetration"),
     Limit("approach in a step", "motion-per-step", MAX_APPROACH, of.approach,
           "up to {value} h a step past each other{fallen}; collisions were verified up to {limit}, beyond 1 a step"
           " fails; use dt {smaller} times as long", "test_collision"),

@@ -307,7 +307,7 @@ LIMITED = {  # limit, what the warning says first, scene of a value, dt of scene
                  r"body 0: its points miss .* a uniform stress is too small by about 0\.03000\d*;",
                  lambda v: Scene([Body(sparse(v), GEL)], cell=1.0), None, {}),
     "dt": ("dt c/h", r"step: dt c/h = 15\.00\d;", lambda v: pair(), lambda s, v: v * DT, {}),
-    "lid": ("stroke of a step", r"wall 1: moves 0\.14001 h a step;", lid, lambda s, v: DT, {}),
+    "lid": ("stroke of a step", r"wall 1: moves 0\.14001 h a step, the", lid, lambda s, v: DT, {}),
     "bodies": ("approach in a step", r"bodies: up to 0\.20002 h a step past each other;",
                lambda v: pair(velocity=v * H / DT), lambda s, v: DT, {}),
     "locking": ("nu without mean dilatation", r"body 1: nu = 0\.4\d* without mean dilatation;",
@@ -373,6 +373,19 @@ def test_what_is_nearly_incompressible_locks_at_the_limit_itself():
     options = {"scheme": Scheme(mean_dilatation=False)}
     assert "body 0, the worst of 2: nu = 0.4 without" in preflight(pair(gel(nu=0.4), gel(nu=0.4)), 1e-9, **options)
     assert preflight(pair(gel(nu=0.3999), gel(nu=0.3999)), 1e-9, **options).endswith(FINE)
+
+
+def test_what_moves_farthest_is_named_whatever_it_is():
+    """A disc that a support presses on a wall, without a lid or a packing, while a second support moves less."""
+    upper, side = Support(lambda x: x[1] > 0.9 * R, velocity=(0.0, -1.0)), Support(lambda x: x[0] > 0.9 * R)
+    slow = replace(side, velocity=(0.0, -0.1))
+    scene = Scene([round_body()], cell=H, walls=[Wall((0, -1.1 * R), (0, 1))], supports=[slow, upper])
+    (line,) = lines(preflight(scene, 0.3 * H, scheme=Scheme(inertia=False)))
+    assert line.startswith("support 1: moves 0.3 h a step, the farthest of all that is driven; ")
+    assert line.endswith("verified up to 0.14; use dt 0.46 times as long, or none: chosen steps keep to it")
+    tool = Scene([round_body(), pillar(motion=(0.0, -1.0, 0.0))], cell=H)
+    (line,) = lines(preflight(tool, 0.3 * H, scheme=Scheme(inertia=False)))
+    assert line.startswith("rigid body 1: moves 0.3 h a step")
 
 
 def advised(text, says):
