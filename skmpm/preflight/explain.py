@@ -8,8 +8,11 @@ from difflib import get_close_matches
 from pathlib import Path
 from posixpath import join, normpath
 
+from skmpm.preflight.limits import TABLE
+
 FOLDER = "docs/how_to"
 WARNINGS = f"{FOLDER}/warnings.md"
+NEAR = 0.75  # least likeness of words for difflib: "millimeter" is near "millimetres", "memory" is not near "energy"
 
 
 def explain(section: str | None = None) -> None:
@@ -21,13 +24,13 @@ def explain(section: str | None = None) -> None:
 
     Parameters
     ----------
-    section : name in the brackets of a warning, or "failures"; without it, all names are printed, each with its first
-        sentence
+    section : name in the brackets of a warning, with or without these, or "failures"; without it, all names are
+        printed, each with its first sentence
 
     Raises
     ------
     ValueError
-        if there is no such section; the message names the nearest ones
+        if there is no such section; the message names those that speak of it, or of the nearest words, and all others
 
     Examples
     --------
@@ -38,18 +41,36 @@ def explain(section: str | None = None) -> None:
     **The coefficient of friction is above 2**, up to which the contact solver was verified. Beyond it hardly anything
     slides; use 2.
     """
-    known = sections()
+    known, name = sections(), re.sub(r"[\s_]+", "-", str(section).strip("[] ").lower())
     if section is None:
         width = max(map(len, known))
         # a section begins with what is wrong, in bold
         begin = {name: re.split(r"\.|\*\*", text.removeprefix("**"))[0] for name, text in known.items()}
         said = [f"{name:{width}s}  {text}" for name, text in begin.items()]
         print("\n".join(said))  # noqa: T201
-    elif section in known:
-        print(f"{section}\n\n{known[section]}")  # noqa: T201
+    elif name in known:
+        print(f"{name}\n\n{known[name]}")  # noqa: T201
     else:
-        near = get_close_matches(str(section), known) or list(known)
-        raise ValueError(f"explain: no section {section!r}; use one of {', '.join(near)}")
+        perhaps = " or ".join(_speaking_of(name.split("-"), known))
+        meant = f", perhaps {perhaps}" if perhaps else ""
+        raise ValueError(f"explain: no section {section!r}{meant}; use one of {', '.join(known)}")
+
+
+def _speaking_of(words: list[str], known: dict[str, str]) -> list[str]:
+    """Up to three sections that have all words or, where none has, the nearest ones; the densest in them first.
+
+    Kinds and texts of warnings belong to their sections. An s at the end of a word does not matter.
+    """
+    said = {name: f"{name} {text}".lower() for name, text in known.items()}
+    for limit in TABLE:
+        said[limit.section] += f" {limit.kind} {limit.text}".lower()
+    vocabulary = {word for text in said.values() for word in re.findall(r"[a-z]{3,}", text)}
+    for these in (words, [near for word in words for near in get_close_matches(word, vocabulary, 1, NEAR)]):
+        pattern = [rf"(?<!\w){re.escape(word.removesuffix('s'))}" for word in these if word]
+        share = {n: min((len(re.findall(p, t)) for p in pattern), default=0) / len(t) for n, t in said.items()}
+        if found := [name for name in sorted(share, key=share.__getitem__, reverse=True) if share[name]]:
+            return found[:3]
+    return []
 
 
 def sections() -> dict[str, str]:

@@ -31,11 +31,36 @@ def test_without_a_name_all_are_listed(capsys):
     assert lines["resolution"] == "A body has too few cells" and max(map(len, lines.values())) < 110
 
 
-def test_an_unknown_name_is_refused_with_the_nearest_ones():
-    with pytest.raises(ValueError, match=r"explain: no section 'thin-part'; use one of thin-parts$"):
-        skmpm.explain("thin-part")
-    with pytest.raises(ValueError, match=r"no section 'zzz'; use one of what-acts, .*rigid-edges, failures$"):
-        skmpm.explain("zzz")
+@pytest.mark.parametrize("name", ["[thin-parts]", "Thin parts", " thin_parts "])
+def test_a_name_may_be_written_as_in_the_warning_or_as_words(name, capsys):
+    skmpm.explain(name)
+    assert capsys.readouterr().out.startswith("thin-parts\n")
+
+
+@pytest.mark.parametrize(
+    ("word", "section"),
+    [
+        ("thin-part", "thin-parts"),  # near a name
+        ("units", "sizes"),  # of a text; near a name, too, "slits"
+        ("millimeter", "sizes"),  # near a word of a text
+        ("locking", "incompressibility"),
+        ("R/h", "resolution"),  # the kind of a warning
+        ("step failed", "failures"),  # both words
+        ("tip", "sharp-tips"),
+    ],
+)
+def test_an_unknown_word_leads_to_the_section_that_speaks_of_it(word, section):
+    every = ", ".join(sections())
+    with pytest.raises(ValueError, match=rf"no section '{word}', perhaps {section}( or .*)?; use one of {every}$"):
+        skmpm.explain(word)
+
+
+@pytest.mark.parametrize("word", ["zzz", "memory", "", 0.123])
+def test_a_word_that_no_section_speaks_of_is_refused_with_all_names(word):
+    with pytest.raises(
+        ValueError, match=rf"explain: no section {word!r}; use one of what-acts, .*rigid-edges, failures"
+    ):
+        skmpm.explain(word)
 
 
 def test_a_wheel_has_the_pages_and_prints_them(tmp_path):
