@@ -280,12 +280,24 @@ def approach(m: SceneMetrics) -> Reading:
     return Reading(["bodies"], m.approach, facts={"fallen": fallen})
 
 
-def sharp_edges(m: SceneMetrics) -> Reading | None:
-    """Rigid bodies with sharp edges that meet deformable bodies without inertia."""
+def edge_radii(m: SceneMetrics) -> Reading | None:
+    """Radii of the sharpest edges of rigid bodies that meet deformable ones without inertia [cells]; 0 at corners.
+
+    At corners the boundary turns by more than 50 degrees, however far apart its points are; on arcs with points 0.8
+    radii apart it turns by 46.
+    """
     if m.scheme.inertia or not m.touches or acts_at_grid_nodes(m.scheme.contact):
         return None
-    radius = MIN_EDGE_RADIUS * m.cell
-    rigid, point, soft = facing_edges(m.scene, initial_motion(m.scene)[0], radius)
-    rigid, first = np.unique(rigid, return_index=True)
-    x, y = m.scene.initial_positions[:, point[first]]
-    return Reading(rigid, facts={"x": x, "y": y, "soft": soft[first], "radius": radius})
+    boundary, x, least = m.scene.outlines, m.boundary, MIN_EDGE_RADIUS * m.cell
+    bend, convex = outline.bend(boundary, x), outline.curve(boundary, x).convex
+    corner = convex & ~m.scene.deformable[boundary.body]
+    seen = float((1.0 / bend[corner]).max(initial=least))
+    rigid, point, soft = facing_edges(m.scene, initial_motion(m.scene)[0], seen * (1.0 + 4.0 * ROUND_OFF))
+    radius = np.zeros(m.scene.owner.size)
+    radius[boundary.point[~corner]] = 1.0 / np.maximum(bend[~corner], 1e-300)
+    sharpest = np.lexsort([radius[point], rigid])
+    rigid, first = np.unique(rigid[sharpest], return_index=True)
+    at = sharpest[first]
+    x, y = m.scene.initial_positions[:, point[at]]
+    facts = {"x": x, "y": y, "soft": soft[at], "radius": ceiled(least), "spacing": floored(0.8 * least)}
+    return Reading(rigid, radius[point[at]] / m.cell, facts=facts)
