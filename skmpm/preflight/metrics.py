@@ -13,10 +13,11 @@ from skmpm import linear
 from skmpm.arrays import Array, Ints
 from skmpm.grid import BodyGrids, build_grids
 from skmpm.grid.assembly import ghost_facets
+from skmpm.grid.moment_fitting import fitted_weights
 from skmpm.linear.band import column_lengths
 from skmpm.linear.choice import chosen
 from skmpm.material import Material
-from skmpm.outline import chord_sagitta, slit_width
+from skmpm.outline import cell_moments, chord_sagitta, slit_width
 from skmpm.scene import Scene
 from skmpm.scheme import Scheme
 from skmpm.step.derived import derived_data
@@ -180,13 +181,13 @@ class SceneMetrics:
     @cached_property
     def _grid_and_columns(self) -> tuple[BodyGrids, Ints]:
         """The body grids, and the lengths (nodes,) of the columns of the factor of their matrix, with supports."""
-        scene, x, volume = self.scene, self.scene.initial_positions, self.scene.initial_volumes
+        scene, x = self.scene, self.scene.initial_positions
         if scene.supports:
             return _supported_grid(scene, self.scheme)
         soft = scene.deformable[scene.owner]
         inward = scene.inward_normals(x)[:, soft]
         grid = build_grids(x[:, soft], scene.owner[soft], scene.cell, len(scene.bodies), inward)
-        facets, _ = ghost_facets(grid, volume[soft])
+        facets, _ = ghost_facets(grid, _weights(scene, self.scheme, grid))
         node = np.arange(grid.nodes)
         last = node.copy()
         for nodes in (grid.nodes_of_cell, facets):
@@ -218,6 +219,17 @@ def disc_radii(scene: Scene) -> Array:
     return np.asarray(np.sqrt(np.bincount(scene.owner, scene.initial_volumes, len(scene.bodies)) / np.pi))
 
 
+def _weights(scene: Scene, scheme: Scheme, grid: BodyGrids) -> Array:
+    """Quadrature weights (n,) of the points on body grids [m2], by which a step finds cells that are cut."""
+    volume, boundary = scene.initial_volumes[scene.deformable_points], scene.outlines
+    bounded = scene.outlined[grid.cell_body][grid.cell_of_point]
+    if not (scheme.moment_fitting and bounded.any()):
+        return volume
+    x = scene.initial_positions[:, boundary.point]
+    exact = cell_moments(boundary, x, grid.cell, grid.cell_index, grid.cell_body)[:3]
+    return np.where(bounded, fitted_weights(grid, volume, exact), volume)
+
+
 def _supported_grid(scene: Scene, scheme: Scheme) -> tuple[BodyGrids, Ints]:
     """Grids and lengths of columns with supports, whose elimination couples further nodes and reorders them."""
     data = derived_data(scene, scheme, scene.initial_positions, scene.initial_volumes)
@@ -231,13 +243,12 @@ def _supported_grid(scene: Scene, scheme: Scheme) -> tuple[BodyGrids, Ints]:
 def memory_of(points: int, unknowns: int, boundaries: int, width: int, solver: str) -> float:
     """Peak memory of a run in addition to the program [bytes]; `boundaries` is the number of boundary points.
 
-    8 MB + 1.2 kB a point + 5 kB a boundary point, and for the matrix a band of half bandwidth `width`, or 2 kB an
-    unknown by any other solver. Fitted to peak resident sizes above those after import. Estimate over measured: the
-    main job's first steps, 60 and 300 discs, R/h = 5, 1.3, a dense packing of 300 discs 0.85; before the bulk was
-    compiled, one body by amg, 1e4, 1e5 and 1e6 points, 1.05, 1.15 to 1.3, 0.78.
+    4 MB + 1.2 kB a point + 5 kB a boundary point, and for the matrix two bands of half bandwidth `width`, of the step
+    and of the one before it, or 1.8 kB an unknown by any other solver. Fitted to peak resident sizes above those
+    after import, of which estimates are 0.7 to 1.5 (`test_memory_is_what_was_measured`).
     """
-    matrix = 8.0 * (width + 1) * unknowns if solver == "banded" else 2e3 * unknowns
-    return 8e6 + 1.2e3 * points + 5e3 * boundaries + matrix
+    matrix = 16.0 * (width + 1) * unknowns if solver == "banded" else 1.8e3 * unknowns
+    return 4e6 + 1.2e3 * points + 5e3 * boundaries + matrix
 
 
 def seconds_of_step(
