@@ -255,6 +255,10 @@ TABLE = (
           "{material}, and {cause} may rotate it by more than {limit} rad; a rotation by {limit} rad causes a"
           " spurious strain of 0.00125, which grows with its square; use NeoHookean",
           "test_dynamics", unless="rotation"),
+    Limit("stretch of the largest stress", "softening", of.MODERATE, of.softening,
+          "{material} has its largest stress at a stretch of {value} at constant area, and softens beyond; strains"
+          " gather there in few cells, and steps fail: a block in tension stopped at 0.97 of such a stretch; use"
+          " coefficients with which stress grows up to {limit}, or keep strains below", "test_preflight", least=True),
     Limit("periodic gravity", "periodic-boxes", nan, of.endless_fall,
           "gravity = ({x:g}, {y:g}) m/s2 accelerates the whole packing for ever, as nothing holds it; use no"
           " gravity, or a Support, a Spring or a rigid body with motion"),

@@ -13,7 +13,7 @@ from scipy.spatial import KDTree
 from skmpm import outline
 from skmpm.arrays import ROUND_OFF, Array, Bools, Ints
 from skmpm.contact import acts_at_grid_nodes
-from skmpm.material import Material, is_linear, poisson_ratio, youngs_modulus
+from skmpm.material import Material, NeoHookean, has_memory, is_linear, poisson_ratio, youngs_modulus
 from skmpm.points import Points
 from skmpm.preflight.metrics import SceneMetrics, disc_radii
 from skmpm.preflight.sampling import stress_errors
@@ -26,6 +26,7 @@ from skmpm.stepping.functions_of_time import FunctionsOfTime
 from skmpm.stepping.loading import gravity_of
 
 CONFINED_POINTS = 3.5  # per cell; half a cell apart they are four, less a tenth at the boundary
+MODERATE = 2.0  # stretch; rubber that softens at less has been fitted to smaller strains
 STEPS = 1000  # over which the rotation of a spinning body is extrapolated
 
 
@@ -157,6 +158,30 @@ def made_of(m: SceneMetrics, condition: Callable[[Material], bool], value: float
     every = ((b, material) for b in m.own.tolist() for material in m.scene.bodies[b].materials)
     named = {b: type(material).__name__ for b, material in every if condition(material)}
     return Reading(np.array([*named], dtype=np.int64), value, facts=facts | {"material": np.array([*named.values()])})
+
+
+def softening(m: SceneMetrics) -> Reading:
+    """Stretches at which the stress of elastic materials is largest, of bodies whose stress has a peak."""
+    peak = {material: stretch_of_peak(material) for material in m.scene.materials}
+    least = m.extremes(peak.__getitem__)[0]
+    found = made_of(m, lambda material: np.isfinite(peak[material]))
+    return found._replace(values=least[np.isfinite(least)])
+
+
+def stretch_of_peak(material: Material) -> float:
+    """Stretch l at which the stress dW/dl of diag(l, 1/l) is largest, up to `MODERATE`; inf if it grows.
+
+    As long as it grows, incompressible materials are elliptic there: l^2 W'' + 2 (l^2 - 1) W' l / (l^4 - 1) > 0
+    (Dowaikh & Ogden, IMA J. Appl. Math. 44, 1990). Stress of neo-Hookean and small-strain laws grows; of materials
+    with memory, and where energies are infinite, nothing is said.
+    """
+    if type(material) is NeoHookean or is_linear(material) or has_memory(material):
+        return np.inf
+    stretch, zero = np.linspace(1.0, MODERATE, 101), np.zeros(101)
+    with np.errstate(all="ignore"):
+        P = np.asarray(material.stress(np.array([[stretch, zero], [zero, 1.0 / stretch]])))
+        falls = np.diff(P[0, 0] - P[1, 1] / stretch**2) < 0.0
+    return float(stretch[np.argmax(falls)]) if falls.any() else np.inf
 
 
 def rotation(m: SceneMetrics) -> Reading:

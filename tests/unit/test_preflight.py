@@ -26,6 +26,7 @@ from skmpm import (
     Scheme,
     Support,
     Wall,
+    Yeoh,
     box,
     contact,
     disc,
@@ -37,7 +38,7 @@ from skmpm.preflight import suggest
 from skmpm.preflight.explain import sections
 from skmpm.preflight.limits import LIMITS, TABLE
 from skmpm.preflight.metrics import memory_of, seconds_of_step
-from skmpm.preflight.quantities import STEPS
+from skmpm.preflight.quantities import STEPS, stretch_of_peak
 
 ROOT = Path(__file__).parents[2]
 FINE = "no warnings"
@@ -353,6 +354,7 @@ TESTED_BELOW = {
     "contact width on slopes",
     "possible rotation",
     "periodic tension",
+    "stretch of the largest stress",
 }
 
 
@@ -573,6 +575,82 @@ def test_a_warning_of_rigid_edges_that_may_press_without_inertia(tool, radius):
         (stamped(tool, (0.0, 1.0)), statics),
     ):
         assert "its edge" not in preflight(scene, DT, scheme=scheme)
+
+
+def yeoh(c20, c30=0.0):
+    return Yeoh(c10=1e5, c20=c20, c30=c30, bulk=1e7, density=1000.0)
+
+
+def peak(c20, c30=0.0):
+    """Where the derivative of (c10 + 2 c20 I + 3 c30 I^2) (l - l^-3) vanishes first, I = l^2 + l^-2 - 2."""
+
+    def slope(s):
+        I, rise = s**2 + s**-2 - 2.0, 2.0 * s - 2.0 * s**-3  # noqa: E741
+        shear = 1e5 + 2.0 * c20 * I + 3.0 * c30 * I**2
+        return shear * (1.0 + 3.0 * s**-4) + (2.0 * c20 + 6.0 * c30 * I) * rise * (s - s**-3)
+
+    stretches = np.linspace(1.0, 2.0, 20001)
+    return stretches[np.argmax(slope(stretches) < 0.0)]
+
+
+class Own:
+    """A law of one's own, with the functions of another."""
+
+    density = 1000.0
+
+    def __init__(self, law):
+        self.lame, self.energy, self.stress, self.tangent = law.lame, law.energy, law.stress, law.tangent
+
+
+def softens(material):
+    scene = Scene([round_body(), round_body(2.1 * R, material=material)], cell=H)
+    return [w for w in skmpm.preflight(scene, 1e-9).warnings if w.section == "softening"]
+
+
+@pytest.mark.parametrize("coefficients", [(-1.5e4,), (-3e4,), (-5e4, 1e4)])
+def test_a_warning_of_materials_that_soften(coefficients):
+    for material in (yeoh(*coefficients), Own(yeoh(*coefficients))):
+        (warning,) = softens(material)
+        assert warning.value == pytest.approx(peak(*coefficients), abs=0.011)
+        name = type(material).__name__
+        assert warning.text.startswith(
+            f"body 1: {name} has its largest stress at a stretch of {warning.value:.3g} at"
+        )
+        assert softens(replace(GEL, density=1.0)) == []
+
+
+@pytest.mark.parametrize(
+    "material",
+    [yeoh(-1e4, 1e3), MooneyRivlin(c10=1e5, c01=2e4, bulk=1e7, density=1e3), STIFF,
+     skmpm.Ogden(mu=(6.3e5, 1.2e3, -1e4), alpha=(1.3, 5.0, -2.0), bulk=1e8, density=1e3),
+     skmpm.ElastoPlastic(E=1e7, nu=0.3, density=1e3, yield_stress=1e5)],
+    ids=lambda material: type(material).__name__,
+)  # fmt: skip
+def test_no_warning_of_rubber_that_stiffens_nor_of_materials_with_memory(material):
+    assert softens(material) == []
+
+
+def test_the_stress_of_neo_hookean_materials_is_not_computed(monkeypatch):
+    monkeypatch.setattr(NeoHookean, "stress", None)
+    assert stretch_of_peak(GEL) == np.inf
+
+
+def test_a_block_that_softens_stops_where_the_warning_says():
+    """Without inertia, pulled by its ends; at the peak its stress is still elliptic, at 1.2 times that no longer."""
+    material = yeoh(-3e4)
+    block = Body(box((0.0, 0.0), (4.0, 1.0), spacing=0.1), material)
+    ends = [Support(lambda x: x[0] < 1e-9), Support(lambda x: x[0] > 4.0 - 1e-9, velocity=(4.0, 0.0))]
+    scene = Scene([block], cell=0.2, supports=ends)
+    with pytest.raises(skmpm.StepFailed) as failure:
+        list(skmpm.simulate(scene, dt=0.05, until=1.0, scheme=Scheme(inertia=False)))
+    assert failure.value.state.t == pytest.approx(peak(-3e4) - 1.0, abs=0.06)
+    angle = np.linspace(0.0, np.pi, 181)
+    n = np.stack([np.cos(angle), np.sin(angle)])
+    least = []
+    for stretch in (peak(-3e4), 1.2 * peak(-3e4)):
+        C = material.tangent(np.diag([stretch, 1.0 / stretch])[:, :, None])[..., 0]
+        least.append(np.linalg.eigvalsh(np.einsum("ijkl,ja,la->aik", C, n, n)).min())
+    assert least[0] > 0.0 > least[1]
 
 
 def test_bodies_whose_cells_fall_apart_are_named():
