@@ -9,7 +9,8 @@ from scipy.spatial import KDTree
 
 from skmpm.arrays import ROUND_OFF, Array, Bools
 from skmpm.material import poisson_ratio, youngs_modulus
-from skmpm.outline import slit_width
+from skmpm.outline import slit_width, turning_angles
+from skmpm.outline.curve import CORNER_COSINE
 from skmpm.points import Points
 from skmpm.preflight.limits import LIMITS
 from skmpm.preflight.metrics import disc_radii
@@ -27,6 +28,7 @@ RESOLUTIONS = np.geomspace(3.2, 100.0, 100)  # R/h to choose from
 # Cells across a thin part, and the error of its deflection then at 45 degrees to the grid and nu = 0.499, of finite
 # elements 2.8 %, which falls by 3 from 4 to 8; at nu = 0.3 it is two thirds, along the grid a third of that.
 THIN_CELLS, THIN_ERROR, THIN_POWER = 8.0, 0.032, 1.57
+SHARPEST = 0.25  # radius of an arc over that of a disc: for an error of 2 % it needs R/h = 107, a sharper one more
 WORK = 2.5  # a step costs (R/h)^2.5: unknowns times bandwidth, and contacts
 
 
@@ -34,7 +36,8 @@ WORK = 2.5  # a step costs (R/h)^2.5: unknowns times bandwidth, and contacts
 class Law:
     """error = c n^-p + d s: n = R/h, R the radius of the smallest body, s the length of a step.
 
-    R is that of a disc of the same area, in bending twice the least radius of gyration, which is that of a disc, too.
+    R is that of a disc of the same area or of a sharper arc, in bending twice the least radius of gyration, which is
+    that of a disc, too.
     s is dt c / R in impacts and free motion, c the speed of pressure waves; otherwise the displacement of the driven
     object over R.
     For `Scheme.balanced()`, whose backward Euler is of first order.
@@ -141,8 +144,9 @@ def suggest(
     than the radius of a disc of their area, as lips and rings, have cells enough for the error of their deflection.
     Interfaces of materials cost at most the error where they lie inside cells; where they lie on grid lines of the
     scene's own cell, the cell is a fraction of it. Points are at most half a cell apart for Poisson's ratios above
-    0.49. Small radii of outlines, as of lips and rounded corners, are not looked at: contact there is narrower than
-    on a disc of the same area.
+    0.49. In pressing, convex arcs of outlines, as the tips of ellipses and lips, have cells enough for discs of their
+    radii, whether others touch them or not. Arcs of less than a quarter of R count as corners, where cells do not
+    resolve the contact. Arcs are found where the given outline turns at three successive points or more.
 
     Examples
     --------
@@ -159,14 +163,18 @@ def suggest(
     radius, measured = disc_radii(scene)[scene.deformable], ~_slender(scene)
     if loading.kind == "bending":
         radius, measured = smallest_radii(scene), np.ones_like(measured)
-    size = float(radius.min())
     paced = scheme.inertia or not loading.waves
-    laws = LAWS[_measured_as(scene, loading.kind)]
+    kind = _measured_as(scene, loading.kind)
+    laws = LAWS[kind]
     found = [best for law in laws if (best := _cheapest(law, error, paced)) is not None]
     if not found:
         least = min(float(law(RESOLUTIONS[-1], 0.0)) for law in laws)
         raise ValueError(f"suggest: error = {error!r}; use one between {ceiled(1.01 * least)} and {LARGEST}")
     _, n, spacing, stride = min(found)
+    rounded = _arc_radii(scene)[scene.deformable] if kind == "pressing" else radius
+    sharper = (SHARPEST * radius < rounded) & (rounded < radius * (1.0 - ROUND_OFF))
+    radius, measured = np.where(sharper, rounded, radius), measured | sharper
+    size = float(radius.min())
     cell = float(min(radius[measured].min(initial=np.inf) / n, _coarsest(scene, error)))
     cell = _with_interfaces(scene, cell, error)
     if max(map(poisson_ratio, scene.materials)) > LIMITS["nu with few points"].value:
@@ -174,7 +182,8 @@ def suggest(
     longest = [stride * size / loading.speed] if paced else []
     dt = min([*longest, *_longest(scene, loading, cell, scheme), *([] if until is None else [until])], default=None)
     paces = "dt resolves waves" if loading.waves else "dt follows from the displacement per step"
-    why = f"{loading.why}, so {paces if paced else 'nothing limits dt'}"
+    arcs = f", and cells resolve arcs of radius {size:.3g} m" if sharper[np.argmin(radius)] else ""
+    why = f"{loading.why}, so {paces if paced else 'nothing limits dt'}{arcs}"
     return Suggestion(cell, spacing * cell, dt, loading.kind, why)
 
 
@@ -209,6 +218,21 @@ def _coarsest(scene: Scene, error: float) -> float:
 def _slender(scene: Scene) -> Bools:
     """Which deformable bodies have a part thinner than their radius, so that it bends: strips, lips, rings."""
     return np.asarray(scene.thickness[scene.deformable] < disc_radii(scene)[scene.deformable])
+
+
+def _arc_radii(scene: Scene) -> Array:
+    """Smallest radii of arcs of outlines that are convex and smooth, (bodies,) [m]; inf without one.
+
+    On an arc the boundary turns at three successive points or more, at each by less than at a corner.
+    """
+    boundary, most = scene.outlines, np.zeros(len(scene.bodies))
+    x = scene.initial_positions[:, boundary.point]
+    length, turn = np.hypot(*(x[:, boundary.next] - x)), turning_angles(boundary, x)
+    smooth = (turn > 0.0) & (np.cos(turn) >= CORNER_COSINE)
+    bend = np.where(smooth, 4.0 * np.sin(0.5 * turn) / (length + length[boundary.previous]), 0.0)
+    arc = np.minimum(bend, np.minimum(bend[boundary.previous], bend[boundary.next]))
+    np.maximum.at(most, boundary.body, arc)
+    return np.where(most > 0.0, 1.0 / np.where(most > 0.0, most, 1.0), np.inf)
 
 
 def _with_interfaces(scene: Scene, cell: float, error: float) -> float:

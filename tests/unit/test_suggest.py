@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from skmpm.material import LinearElastic, NeoHookean, Rigid
-from skmpm.points import Points, box, disc
+from skmpm.points import Points, box, capsule, disc, ellipse, polygon
 from skmpm.preflight import preflight
 from skmpm.preflight.suggest import LAWS, Suggestion, suggest
 from skmpm.scene import Body, Load, Pressure, Scene, Support, Wall
@@ -189,6 +189,40 @@ def test_thin_parts_of_what_is_pressed_follow_their_deflection():
     block = Scene([Body(box((0, 0), (0.1, 0.1), spacing=0.01), SOFT)], cell=0.05, walls=lid(0.01))
     same = discs(1, radius=0.1 / np.sqrt(np.pi), spacing=0.01, walls=lid(0.01))
     assert suggest(block, error=0.05).cell == pytest.approx(suggest(same, error=0.05).cell, rel=0.01)
+
+
+def pressed(points):
+    low, high = points.x[1].min(), points.x[1].max()
+    lid = Wall((0, high), (0, -1), velocity=(0, -0.01))
+    return Scene([Body(points, SOFT)], cell=0.05, walls=[Wall((0, low), (0, 1)), lid])
+
+
+@pytest.mark.parametrize("error", [0.1, 0.05])
+def test_tips_that_are_pressed_have_the_cells_of_a_disc_of_their_radius(error):
+    """Of the tips of a capsule, found to round-off, and of an ellipse, b^2/a; found at coarse points to a tenth."""
+    for points, radius, tolerance in (
+        (capsule((0, 0), 1.5 * R, 0.5 * R, spacing=0.02, angle=0.3), 0.5 * R, 1e-6),
+        (ellipse((0, 0), (1.5 * R, 0.9 * R), spacing=0.01), 0.54 * R, 0.1),
+    ):
+        found, of_disc = (
+            suggest(pressed(each), error=error) for each in (points, disc((0, 0), radius, spacing=0.01))
+        )
+        assert (found.cell, found.dt) == pytest.approx((of_disc.cell, of_disc.dt), rel=tolerance)
+        assert re.search(r", and cells resolve arcs of radius 0\.0\d+ m$", found.why)
+
+
+@pytest.mark.parametrize(
+    "points",
+    [disc((0, 0), R, spacing=0.15 * R), box((0, 0), (1.5 * R, 1.5 * R), spacing=0.02),
+     polygon((0, 0), R, 4, rounding=0.05 * R, spacing=0.1 * R),
+     polygon((0, 0), R, 6, rounding=0.2 * R, spacing=0.05 * R),
+     polygon((0, 0), R, 12, rounding=1e-3 * R, spacing=0.1 * R)],
+)  # fmt: skip
+def test_round_bodies_corners_and_small_roundings_have_the_cells_of_discs(points):
+    found = suggest(pressed(points), error=0.05)
+    radius = np.sqrt(points.volume.sum() / np.pi)
+    assert found.cell / radius == pytest.approx(suggest(pressed(disc((0, 0), R, spacing=0.01)), error=0.05).cell / R)
+    assert "arcs" not in found.why
 
 
 def test_groups_of_equal_stiffness_are_no_interface():
