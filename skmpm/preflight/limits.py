@@ -267,8 +267,8 @@ TABLE = (
           " use a negative stress for a pressure, or cohesion"),
     Limit("theta with anchor", "scheme", nan,
           lambda m: of.choice(m) if m.scheme.theta < 1.0 and np.isfinite(m.scheme.anchor) else None,
-          "theta = {theta:g} with anchor = {anchor:g}; regridding adds energy to bodies that vibrate: 3 to 17 % in"
-          " 240 steps, sixfold at nu = 0.49; use anchor = inf or theta = 1"),
+          "theta = {theta:g} with anchor = {anchor:g}; regridding adds energy to bodies that vibrate: 6 % in 240"
+          " steps at nu = 0.45, 45 % at 0.49; use anchor = inf or theta = 1"),
     Limit("theta with contact", "scheme", nan, of.lasting_contact,
           "theta = {theta:g} with contact that lasts; collisions of two were verified, and that what rolls keeps"
           " its speed; forces may swing between steps; use theta = 1"),
