@@ -15,18 +15,15 @@ beyond the end of a side lies beside it. The wedge of two convex corners is the 
 the tip. Contacts are detected up to a distance, the reach, and kept from step to step by their keys.
 """
 
-from skmpm.contact.boundary import check_outlines, point_to_curve
+from skmpm.contact.boundary import point_to_curve
 from skmpm.contact.constraints import Constraints, ContactFormulation, Linearise, acts_at_grid_nodes
 from skmpm.contact.grid_nodes import shared_grid
-from skmpm.contact.self_contact import may_touch_itself
 
 __all__ = [
     "Constraints",
     "ContactFormulation",
     "Linearise",
     "acts_at_grid_nodes",
-    "check_outlines",
-    "may_touch_itself",
     "point_to_curve",
     "shared_grid",
 ]

@@ -32,6 +32,7 @@ from skmpm.contact.self_contact import SelfContact
 from skmpm.grid import BodyGrids
 from skmpm.outline import Cubics, Outlines
 from skmpm.outline.images import Images
+from skmpm.outline.measures import bend
 from skmpm.scene import PrescribedVelocities, Scene, SceneError, State, prescribed_velocities
 
 # Fraction of an initial overlap that a step removes: gradually, since all at once ejects the bodies. In dynamic steps
@@ -245,24 +246,7 @@ class _Detection:
 
 
 def check_outlines(scene: Scene) -> None:
-    """Refuse a scene in which a body has no outline.
-
-    Parameters
-    ----------
-    scene : the scene
-
-    Raises
-    ------
-    SceneError
-        if a body has no outline
-
-    Examples
-    --------
-    >>> import skmpm
-    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
-    >>> scene = skmpm.Scene([body], cell=4e-4, gravity=(0, -9.81))
-    >>> skmpm.contact.check_outlines(scene)  # silent: each body has an outline
-    """
+    """Raise SceneError if a body has no outline."""
     if not scene.outlined.all():
         raise SceneError(
             f"body {np.argmin(scene.outlined)} has no outline; give its Points an outline or use"
@@ -300,8 +284,8 @@ def _roles(scene: Scene, surfaces: Images, x: Array) -> Roles:
     still = ~scene.deformable[surfaces.body] + 1 * ~scene.movable[surfaces.body]
     rank[np.lexsort((*place, rounded, still))] = np.arange(bodies)
     rigid = ~scene.deformable[surfaces.owner]
-    bend = np.where(rigid, outline.bend(boundary, x), 0.0) if rigid.any() else np.zeros(rigid.size)
-    return Roles(rank, spacing, bend)
+    bends = np.where(rigid, bend(boundary, x), 0.0) if rigid.any() else np.zeros(rigid.size)
+    return Roles(rank, spacing, bends)
 
 
 def _of_bodies(found: ContactPairs, surfaces: Images) -> ContactPairs:

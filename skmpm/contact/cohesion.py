@@ -16,13 +16,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from skmpm import outline
 from skmpm.arrays import Array, Bools, Ints
 from skmpm.contact.constraints import lookup
 from skmpm.contact.gap_function import ContactPairs
 from skmpm.outline import Outlines
 from skmpm.outline.images import Images
-from skmpm.outline.measures import TURNED_AWAY
+from skmpm.outline.measures import TURNED_AWAY, half_segments
 from skmpm.scene import TOUCHING, Scene
 
 
@@ -58,7 +57,7 @@ def contact_length(
     def identity(point: Ints, other: Ints) -> Ints:
         return np.asarray(point * (rank.size - lowest) + other - lowest)
 
-    length[:, giving] = outline.half_segments(outlines, x, found.point[giving], found.normal[:, giving])
+    length[:, giving] = half_segments(outlines, x, found.point[giving], found.normal[:, giving])
     if range_ > 0.0:
         length[:, giving] *= _in_range(outlines, x, found, giving, range_, identity)
     corners = np.flatnonzero(order < 0)

@@ -84,24 +84,7 @@ class SelfContact:
 
 
 def may_touch_itself(scene: Scene, state: State) -> bool:
-    """Whether any body has parts that may meet in a step from this state.
-
-    Parameters
-    ----------
-    scene, state : a scene and its state
-
-    Returns
-    -------
-    whether one has
-
-    Examples
-    --------
-    >>> import skmpm
-    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
-    >>> scene = skmpm.Scene([body], cell=4e-4, gravity=(0, -9.81))
-    >>> skmpm.contact.may_touch_itself(scene, skmpm.initial(scene))
-    False
-    """
+    """Whether any body has parts that may meet in a step from this state."""
     x = state.x[:, scene.outlines.point]
     return bool(SelfContact.of_scene(scene, state).facing(x, 2.0 * scene.cell + contact_reach(scene))[0].size)
 

@@ -9,7 +9,7 @@ from skmpm.linear.band import Banded, banded
 from skmpm.linear.choice import Direct, default, direct
 from skmpm.linear.delassus import Delassus
 from skmpm.linear.multigrid import Amg, amg
-from skmpm.linear.solver import Linear, NotPositiveDefinite, Solver, half_bandwidth, one_thread
+from skmpm.linear.solver import Linear, NotPositiveDefinite, Solver
 
 __all__ = [
     "Amg",
@@ -23,6 +23,4 @@ __all__ = [
     "banded",
     "default",
     "direct",
-    "half_bandwidth",
-    "one_thread",
 ]

@@ -25,21 +25,7 @@ def _libraries() -> Any:
 
 
 def one_thread() -> AbstractContextManager[object]:
-    """Context manager within which BLAS uses one thread.
-
-    Returns
-    -------
-    to be entered by ``with``
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import skmpm
-    >>> with skmpm.linear.one_thread():
-    ...     A = np.eye(2) @ np.eye(2)
-    >>> A.tolist()
-    [[1.0, 0.0], [0.0, 1.0]]
-    """
+    """Context manager within which BLAS uses one thread."""
     limited: AbstractContextManager[object] = _libraries().limit(limits=1, user_api="blas")
     return limited
 
@@ -77,25 +63,7 @@ Linear = Callable[[sp.bsr_array, Ints, Array], Solver]
 
 
 def half_bandwidth(A: sp.bsr_array) -> int:
-    """Largest distance of an entry of A from the diagonal.
-
-    Parameters
-    ----------
-    A : (n, n)
-
-    Returns
-    -------
-    [unknowns]
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import scipy.sparse as sp
-    >>> import skmpm
-    >>> A = sp.bsr_array(np.eye(4) + np.eye(4, k=1) + np.eye(4, k=-1), blocksize=(2, 2))
-    >>> int(skmpm.linear.half_bandwidth(A))
-    3
-    """
+    """Largest distance of an entry of A (n, n) from the diagonal."""
     return 2 * _reach(A.indptr, A.indices) + 1
 
 

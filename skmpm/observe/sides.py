@@ -10,7 +10,8 @@ import numpy as np
 from skmpm import outline
 from skmpm.arrays import Array, Bools, Ints
 from skmpm.observe.contact_network import CLOSED, forced
-from skmpm.outline import Outlines, half_segments
+from skmpm.outline import Outlines
+from skmpm.outline.measures import half_segments
 from skmpm.scene import Contacts
 
 # A notch or a thin part has two sides near a contact, which acts on the one that faces it: normals at right angles

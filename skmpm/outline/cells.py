@@ -11,24 +11,12 @@ GAUSS_POINTS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)  # two, on [0, 1]: exa
 
 
 def cell_moments(outlines: Outlines, x: Array, cell: float, index: Ints, owner: Ints) -> Array:
-    """Moments of the parts of cells that lie inside their bodies.
+    """Moments of the parts of cells that lie inside their bodies, (6, cells) [cell areas].
 
-    Parameters
-    ----------
-    outlines, x : outlines, and positions (2, m) [m] of their boundary points
-    cell : side of the cells [m]
-    index : (2, cells) integer coordinates of the cells
-    owner : (cells,) body of each cell
-
-    Returns
-    -------
-    (6, cells) [cell areas], the integrals of 1, xi, eta, xi eta, xi^2 and eta^2
-
-    Notes
-    -----
-    By Green's theorem a moment is the integral over dy, along the outline, of the primitive in x of its integrand.
-    The primitive vanishes to the left of the cell and is constant to its right, so each piece of the boundary
-    contributes to its own cell and to all cells to its left.
+    These are the integrals of 1, xi, eta, xi eta, xi^2 and eta^2 over the cells with coordinates `index` (2, cells),
+    of the bodies `owner` (cells,). By Green's theorem a moment is the integral over dy, along the outline, of the
+    primitive in x of its integrand. The primitive vanishes to the left of the cell and is constant to its right, so
+    each piece of the boundary contributes to its own cell and to all cells to its left.
     """
     start, end, piece_cell, body = _pieces(outlines, x / cell)
     local = start - piece_cell + GAUSS_POINTS[:, None, None] * (end - start)

@@ -139,24 +139,9 @@ def _normals(x: Array, previous: Ints, following: Ints, out: Array) -> None:
 
 
 def bend(outlines: Outlines, x: Array) -> Array:
-    """Convex curvature of the boundary at its points: of the circle with two chords as long as the shorter segment.
+    """Convex curvature of the boundary at its points, (m,) [1/m]; zero where it is straight or turns right.
 
-    Parameters
-    ----------
-    outlines, x : outlines, and positions (2, m) [m] of their boundary points
-
-    Returns
-    -------
-    (m,) [1/m]; zero where the boundary is straight or turns right
-
-    Examples
-    --------
-    >>> import skmpm
-    >>> points = skmpm.disc((0, 0), 1.0, spacing=0.05)
-    >>> outlines = skmpm.outline.outlines([points.outline], offsets=[0])
-    >>> x = points.x[:, outlines.point]
-    >>> skmpm.outline.bend(outlines, x).round(1).max().item()
-    1.0
+    It is that of the circle with two chords as long as the shorter segment.
     """
     length = np.hypot(*(x[:, outlines.next] - x))
     shorter = np.minimum(length, length[outlines.previous])
@@ -165,20 +150,10 @@ def bend(outlines: Outlines, x: Array) -> Array:
 
 
 def half_segments(outlines: Outlines, x: Array, c: Ints, normal: Array) -> Array:
-    """Half the lengths of the segments after and before boundary points in contact.
+    """Half the lengths of the segments after and before boundary points c (k,) in contact, (2, k) [m].
 
-    A segment that turns away from the contact plane by more than 30 degrees, at a corner, is not in contact and
-    counts as zero. Several contacts at a point share its segments.
-
-    Parameters
-    ----------
-    outlines, x : outlines, and positions (2, m) [m] of their boundary points
-    c : (k,) boundary points in contact
-    normal : (2, k) unit normals of the contacts
-
-    Returns
-    -------
-    (2, k) [m], after and before
+    A segment that turns away from the plane of the contact, with the unit normal (2, k), by more than 30 degrees, at
+    a corner, is not in contact and counts as zero. Several contacts at a point share its segments.
     """
     halves = []
     for neighbour in (outlines.next, outlines.previous):
@@ -191,16 +166,7 @@ def half_segments(outlines: Outlines, x: Array, c: Ints, normal: Array) -> Array
 
 
 def turning_angles(outlines: Outlines, x: Array) -> Array:
-    """Left turns of the boundary at its points.
-
-    Parameters
-    ----------
-    outlines, x : outlines, and positions (2, m) [m] of their boundary points
-
-    Returns
-    -------
-    (m,) in [-pi, pi] [rad]
-    """
+    """Left turns of the boundary at its points, (m,) in [-pi, pi] [rad]."""
     turns = np.empty(outlines.size)
     _turning_angles(x, outlines.previous, outlines.next, turns)
     return turns
@@ -216,18 +182,9 @@ def _turning_angles(x: Array, previous: Ints, following: Ints, turns: Array) -> 
 
 
 def chord_sagitta(outlines: Outlines, x: Array, bodies: int) -> Array:
-    """Largest sagitta of the chords of each body; corners and straight sides have none.
+    """Largest sagitta of the chords of each body, (bodies,) [m]; corners and straight sides have none.
 
     A chord of length e of an arc that turns by phi has the sagitta e/2 tan(phi/4).
-
-    Parameters
-    ----------
-    outlines, x : outlines, and positions (2, m) [m] of their boundary points
-    bodies : number of bodies
-
-    Returns
-    -------
-    (bodies,) [m]
     """
     sagitta, turn = np.zeros(bodies), np.abs(turning_angles(outlines, x))
     turn = np.where(np.cos(turn) < CORNER_COSINE, 0.0, turn)

@@ -10,26 +10,9 @@ from skmpm.outline.topology import Outlines
 
 
 def tip_angles(outlines: Outlines, x: Array, reach: float) -> Array:
-    """Angles inside the body between the points of its outline that lie `reach` along it to either side.
+    """Angles inside the body between the points that lie `reach` [m] along its outline to either side, (m,) [rad].
 
-    Parameters
-    ----------
-    outlines, x : outlines, and positions (2, m) [m] of their boundary points
-    reach : length along the outline [m]
-
-    Returns
-    -------
-    (m,) between 0 and 2 pi [rad]: that of a sharp corner, more where it is rounded, pi on a straight side
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import skmpm
-    >>> points = skmpm.box((0, 0), (1, 1), spacing=0.1)
-    >>> outlines = skmpm.outline.outlines([points.outline], offsets=[0])
-    >>> angles = skmpm.outline.tip_angles(outlines, points.x[:, outlines.point], reach=0.3)
-    >>> np.rad2deg([angles.min(), angles.max()]).round(6).tolist()
-    [90.0, 180.0]
+    That of a sharp corner is found there, more where it is rounded, pi on a straight side, up to 2 pi in a notch.
     """
     ahead, behind = np.empty((2, 2, outlines.size))
     _walk(x, outlines.next, reach, ahead)

@@ -38,19 +38,10 @@ MAX_SMOOTH_TURN = np.deg2rad(30.0)  # turns beyond it are corners, which take pa
 
 
 def thickness(outlines: Outlines, x: Array, bodies: int) -> Array:
-    """Width of the thinnest part of each body.
+    """Width of the thinnest part of each body, (bodies,) [m]; nan for a body without outline.
 
     It is the side of a square, the diameter of a disc, the wall of an annulus and the neck of a dumbbell; convex
     corners do not count.
-
-    Parameters
-    ----------
-    outlines, x : outlines, and positions (2, m) [m] of their boundary points
-    bodies : number of bodies
-
-    Returns
-    -------
-    (bodies,) [m]; nan for a body without outline
     """
     count = np.bincount(outlines.body, minlength=bodies)
     edges = _edges(outlines, x)
@@ -62,16 +53,9 @@ def thickness(outlines: Outlines, x: Array, bodies: int) -> Array:
 
 
 def inclined_thickness(outlines: Outlines, x: Array, chosen: Bools) -> Array:
-    """Width of the thinnest part of bodies whose sides are inclined to the axes by more than 15 degrees.
+    """Width of the thinnest part whose sides are inclined to the axes by more than 15 degrees, (bodies,) [m].
 
-    Parameters
-    ----------
-    outlines, x : outlines, and positions (2, m) [m] of their boundary points
-    chosen : (bodies,) whether a body is searched
-
-    Returns
-    -------
-    (bodies,) [m]; inf without such a part, and for bodies that are not chosen
+    It is inf without such a part, and for bodies that are not `chosen` (bodies,).
     """
     if not chosen.any():
         return np.full(chosen.size, np.inf)
@@ -80,19 +64,10 @@ def inclined_thickness(outlines: Outlines, x: Array, chosen: Bools) -> Array:
 
 
 def slit_width(outlines: Outlines, x: Array, bodies: int) -> Array:
-    """Width of the narrowest slit, mouth or hole of each body.
+    """Width of the narrowest slit, mouth or hole of each body, (bodies,) [m]; inf without a slit or an outline.
 
     Parts of the boundary that face each other over what is not material turn back by pi in between: bodies that turn
-    back by less than pi less the 15 degrees, as convex ones, are not searched.
-
-    Parameters
-    ----------
-    outlines, x : outlines, and positions (2, m) [m] of their boundary points
-    bodies : number of bodies
-
-    Returns
-    -------
-    (bodies,) [m]; inf without a slit or an outline
+    back by less than pi less 15 degrees, as convex ones, are not searched.
     """
     _, backward = turns(outlines, x)
     folded = np.zeros(bodies, dtype=bool)

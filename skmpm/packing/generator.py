@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from skmpm.arrays import Array, Bools
-from skmpm.linear import one_thread
+from skmpm.linear.solver import one_thread
 from skmpm.packing import discs, shapes
 from skmpm.points import Points
 

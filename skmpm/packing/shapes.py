@@ -15,7 +15,8 @@ import numpy as np
 
 from skmpm.arrays import Array, Ints
 from skmpm.compiled import compiled
-from skmpm.outline import chord_sagitta, outlines
+from skmpm.outline import outlines
+from skmpm.outline.measures import chord_sagitta
 from skmpm.outline.topology import ranges
 from skmpm.packing.discs import MARGIN, OVERLAP, Box, Contacts, least_motion
 from skmpm.points import Points

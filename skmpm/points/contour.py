@@ -10,8 +10,10 @@ from numpy.typing import ArrayLike
 
 from skmpm.arrays import Array
 from skmpm.outline import area as measured_area
-from skmpm.outline import outlines, thickness, tip_angles
+from skmpm.outline import outlines
 from skmpm.outline.curve import CORNER_COSINE
+from skmpm.outline.tips import tip_angles
+from skmpm.outline.widths import thickness
 from skmpm.points.cloud import Points, check_crossings, encloses, signed_area
 from skmpm.points.fill import Curve, consecutive, filled, rounded
 from skmpm.points.shapes import positive

@@ -17,7 +17,9 @@ from skmpm.grid.moment_fitting import fitted_weights
 from skmpm.linear.band import column_lengths
 from skmpm.linear.choice import chosen
 from skmpm.material import Material
-from skmpm.outline import cell_moments, chord_sagitta, slit_width
+from skmpm.outline.cells import cell_moments
+from skmpm.outline.measures import chord_sagitta
+from skmpm.outline.widths import slit_width
 from skmpm.scene import Scene
 from skmpm.scheme import Scheme
 from skmpm.step.derived import derived_data

@@ -14,6 +14,9 @@ from skmpm import outline
 from skmpm.arrays import ROUND_OFF, Array, Bools, Ints
 from skmpm.contact import acts_at_grid_nodes
 from skmpm.material import Material, NeoHookean, has_memory, is_linear, poisson_ratio, youngs_modulus
+from skmpm.outline.measures import bend
+from skmpm.outline.tips import tip_angles
+from skmpm.outline.widths import inclined_thickness
 from skmpm.points import Points
 from skmpm.preflight.metrics import SceneMetrics, disc_radii
 from skmpm.preflight.sampling import stress_errors
@@ -92,7 +95,7 @@ def _left_alone(m: SceneMetrics) -> bool:
 def inclined_parts(m: SceneMetrics) -> Reading:
     """Cells across the thinnest part that is inclined to the grid, of bodies wider than that."""
     scene, thin = m.scene, m.scene.deformable & (m.scene.thickness < disc_radii(m.scene))
-    width = outline.inclined_thickness(scene.outlines, m.boundary, thin)[m.own]
+    width = inclined_thickness(scene.outlines, m.boundary, thin)[m.own]
     return Reading(m.own, width / m.cell + m.chords, scale=m.cell)
 
 
@@ -101,7 +104,7 @@ def tips(m: SceneMetrics) -> Reading | None:
     if not m.touches or acts_at_grid_nodes(m.scheme.contact):
         return None
     boundary, x = m.scene.outlines, m.boundary
-    angle = np.rad2deg(outline.tip_angles(boundary, x, m.cell))
+    angle = np.rad2deg(tip_angles(boundary, x, m.cell))
     own = np.flatnonzero(m.scene.deformable[boundary.body])
     sharpest = own[np.lexsort([angle[own], boundary.body[own]])]
     body, first = np.unique(boundary.body[sharpest], return_index=True)
@@ -314,12 +317,12 @@ def edge_radii(m: SceneMetrics) -> Reading | None:
     if m.scheme.inertia or not m.touches or acts_at_grid_nodes(m.scheme.contact):
         return None
     boundary, x, least = m.scene.outlines, m.boundary, MIN_EDGE_RADIUS * m.cell
-    bend, convex = outline.bend(boundary, x), outline.curve(boundary, x).convex
+    bends, convex = bend(boundary, x), outline.curve(boundary, x).convex
     corner = convex & ~m.scene.deformable[boundary.body]
-    seen = float((1.0 / bend[corner]).max(initial=least))
+    seen = float((1.0 / bends[corner]).max(initial=least))
     rigid, point, soft = facing_edges(m.scene, initial_motion(m.scene)[0], seen * (1.0 + 4.0 * ROUND_OFF))
     radius = np.zeros(m.scene.owner.size)
-    radius[boundary.point[~corner]] = 1.0 / np.maximum(bend[~corner], 1e-300)
+    radius[boundary.point[~corner]] = 1.0 / np.maximum(bends[~corner], 1e-300)
     sharpest = np.lexsort([radius[point], rigid])
     rigid, first = np.unique(rigid[sharpest], return_index=True)
     at = sharpest[first]

@@ -8,7 +8,7 @@ from skmpm.arrays import Array, Bools, Ints
 from skmpm.grid import BodyGrids, build_grids
 from skmpm.grid.forms import reference_gradient
 from skmpm.grid.moment_fitting import fitted_places, fitted_weights
-from skmpm.outline import cell_moments
+from skmpm.outline.cells import cell_moments
 from skmpm.scene import Scene
 
 COMPLIANCE = 3.0 / 8.0  # of a node: one over 4 (2/3), the diagonal entry of the Laplacian of Q1 elements

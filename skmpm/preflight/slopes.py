@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from skmpm import outline
 from skmpm.arrays import Array, Bools, Ints
 from skmpm.contact import acts_at_grid_nodes
 from skmpm.outline.curve import CORNER_COSINE
+from skmpm.outline.measures import turning_angles
 from skmpm.preflight.metrics import SceneMetrics, disc_radii
 from skmpm.preflight.quantities import Reading, floored
 from skmpm.scene import Scene
@@ -49,7 +49,7 @@ def wide_contacts(m: SceneMetrics) -> Reading | None:
 def _gentle_slopes(scene: Scene, gravity: Array) -> Ints:
     """Walls, as -1, -2, ..., and held bodies that have a side inclined against gravity by less than `STEEP`, (k,)."""
     boundary, x = scene.outlines, scene.initial_positions[:, scene.outlines.point]
-    turn = np.abs(outline.turning_angles(boundary, x))
+    turn = np.abs(turning_angles(boundary, x))
     ends = (turn < STRAIGHT) | (np.cos(turn) < CORNER_COSINE)
     along, held = x[:, boundary.next] - x, ~scene.movable
     for place in scene.supported:

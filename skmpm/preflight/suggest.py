@@ -9,8 +9,9 @@ from scipy.spatial import KDTree
 
 from skmpm.arrays import ROUND_OFF, Array, Bools
 from skmpm.material import poisson_ratio, youngs_modulus
-from skmpm.outline import slit_width, turning_angles
 from skmpm.outline.curve import CORNER_COSINE
+from skmpm.outline.measures import turning_angles
+from skmpm.outline.widths import slit_width
 from skmpm.points import Points
 from skmpm.preflight.limits import LIMITS
 from skmpm.preflight.metrics import disc_radii

@@ -9,7 +9,8 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from skmpm.contact import acts_at_grid_nodes, check_outlines
+from skmpm.contact import acts_at_grid_nodes
+from skmpm.contact.boundary import check_outlines
 from skmpm.material import is_linear, poisson_ratio, youngs_modulus
 from skmpm.preflight.explain import about
 from skmpm.preflight.limits import PreflightWarning, warnings_of

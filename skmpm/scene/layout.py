@@ -14,9 +14,10 @@ from scipy.spatial import KDTree
 from skmpm import outline
 from skmpm.arrays import Array, Bools, Ints
 from skmpm.material import Material, Rigid, initial_state, wave_speed
-from skmpm.outline import Outlines, outlines, thickness
+from skmpm.outline import Outlines, outlines
 from skmpm.outline.crossings import folded
 from skmpm.outline.images import Images, images
+from skmpm.outline.widths import thickness
 from skmpm.scene.objects import Body, Load, Pressure, Spring, Support, Wall, rigid_motion
 from skmpm.scene.periodic import Periodic
 from skmpm.scene.values import motion, scalar

@@ -11,7 +11,8 @@ import numpy as np
 
 from skmpm.arrays import Array, Bools
 from skmpm.contact.closest_points import with_largest_forces
-from skmpm.linear import Delassus, one_thread
+from skmpm.linear import Delassus
+from skmpm.linear.solver import one_thread
 from skmpm.observe import with_fluids
 from skmpm.parallel import threads
 from skmpm.scene import PrescribedVelocities, Scene, State, StepFailed, check_fits, prescribed_velocities

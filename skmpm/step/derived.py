@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sp
 
-from skmpm import outline
 from skmpm.arrays import Array, Ints
 from skmpm.grid import BodyGrids, build_grids
 from skmpm.grid.assembly import prepare
 from skmpm.grid.moment_fitting import fitted_places, fitted_weights
 from skmpm.grid.supports import Elimination, eliminate, inner_nodes
 from skmpm.material import bounded_modulus
+from skmpm.outline.cells import cell_moments
 from skmpm.scene import Derived, Scene, State, support_arms
 from skmpm.scheme import Scheme, averages_dilatation
 from skmpm.step.bulk import Bulk
@@ -48,7 +48,7 @@ def _fitted(scene: Scene, grid: BodyGrids, volume: Array, x: Array) -> tuple[Arr
     bounded = scene.outlined[grid.cell_body][grid.cell_of_point]
     if not bounded.any():
         return volume, grid
-    moments = outline.cell_moments(boundary, x[:, boundary.point], scene.cell, grid.cell_index, grid.cell_body)[:3]
+    moments = cell_moments(boundary, x[:, boundary.point], scene.cell, grid.cell_index, grid.cell_body)[:3]
     weights = np.where(bounded, fitted_weights(grid, volume, moments), volume)
     places = np.where(bounded, fitted_places(grid, weights, moments), grid.local)
     return weights, replace(grid, quadrature=places)

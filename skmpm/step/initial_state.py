@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from skmpm.arrays import Array
-from skmpm.contact import acts_at_grid_nodes, may_touch_itself
+from skmpm.contact import acts_at_grid_nodes
+from skmpm.contact.self_contact import may_touch_itself
 from skmpm.grid.transfer import to_nodes
 from skmpm.material import Rigid
 from skmpm.scene import (

@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from skmpm import outline
 from skmpm.arrays import ROUND_OFF, Array, Bools, Ints
+from skmpm.outline.measures import bend
 from skmpm.scene import Contacts, Scene
 
 # [cells] Radius of edges that indented 13 of 14 blocks by 40 % of their height without inertia (test_punch).
@@ -44,7 +45,7 @@ def facing_edges(scene: Scene, v: Array, radius: float) -> Ints:
     """
     boundary, x = scene.outlines, scene.initial_positions
     at = x[:, boundary.point]
-    edges = np.flatnonzero(~scene.deformable[boundary.body] & (outline.bend(boundary, at) * radius > 1.0 + ROUND_OFF))
+    edges = np.flatnonzero(~scene.deformable[boundary.body] & (bend(boundary, at) * radius > 1.0 + ROUND_OFF))
     if edges.size == 0:
         return np.zeros((3, 0), dtype=np.int64)
     point, normal = boundary.point[edges], outline.normals(boundary, at)[:, edges]

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from skmpm.io import PARTIAL as PARTIAL_CHECKPOINT
 from skmpm.io import load, save
-from skmpm.linear import one_thread
+from skmpm.linear.solver import one_thread
 from skmpm.scene import State
 from skmpm.sweep import directory
 from skmpm.sweep.directory import RESERVED, TIME, SweepError, locked

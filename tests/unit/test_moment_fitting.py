@@ -11,7 +11,8 @@ from skmpm import Body, LinearElastic, Points, Scene, Scheme, contact, disc, ini
 from skmpm.grid import build_grids
 from skmpm.grid.moment_fitting import MAX_WEIGHT, MIN_WEIGHT, fitted_places, fitted_weights
 from skmpm.material import determinant
-from skmpm.outline import cell_moments, outlines
+from skmpm.outline import outlines
+from skmpm.outline.cells import cell_moments
 
 
 def cloud(seed, spacing, h=0.25):

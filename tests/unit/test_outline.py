@@ -9,6 +9,7 @@ from skmpm import outline
 from skmpm.outline import topology
 from skmpm.outline.crossings import apart, turns
 from skmpm.outline.images import without_images
+from skmpm.outline.measures import bend, turning_angles
 from skmpm.outline.near import candidates
 
 SQUARE = np.array([[0.0, 1.0, 1.0, 0.0], [0.0, 0.0, 1.0, 1.0]])
@@ -138,7 +139,7 @@ def test_measures_of_a_square_with_a_square_hole():
 @pytest.mark.parametrize("n", [3, 6, 50])
 def test_a_regular_polygon_bends_as_the_circle_through_its_corners(n):
     outlines, x, _ = build([regular(n, 2.0)])
-    assert outline.bend(outlines, x) == pytest.approx(np.full(n, 0.5), rel=1e-12)
+    assert bend(outlines, x) == pytest.approx(np.full(n, 0.5), rel=1e-12)
 
 
 @given(SEEDS)
@@ -452,7 +453,7 @@ def test_turns_are_sums_of_the_angles_at_boundary_points(seed):
     """Of loops through points at random, which wind any number of times, and of a square with a hole."""
     rng = np.random.default_rng(seed)
     o, x, bodies = build([rng.normal(size=(2, rng.integers(3, 20)))], [SQUARE, 0.5 * SQUARE[:, ::-1] + 0.2])
-    angle = outline.turning_angles(o, x)
+    angle = turning_angles(o, x)
     for sign, turned in zip((1.0, -1.0), turns(o, x), strict=True):
         np.testing.assert_allclose(turned, np.bincount(o.body, np.maximum(sign * angle, 0.0), bodies), atol=1e-12)
 

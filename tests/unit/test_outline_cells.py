@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.path import Path
 
-from skmpm.outline import area, cell_moments, outlines
+from skmpm.outline import area, outlines
+from skmpm.outline.cells import cell_moments
 
 
 def cells_over(x, cell):

@@ -5,12 +5,12 @@ import pytest
 from test_outline import build, regular
 from test_outline_widths import arc, sampled
 
-from skmpm import outline
+from skmpm.outline.tips import tip_angles
 
 
 def angles(x, reach):
     outlines, x, _ = build([x])
-    return np.rad2deg(outline.tip_angles(outlines, x, reach))
+    return np.rad2deg(tip_angles(outlines, x, reach))
 
 
 @pytest.mark.parametrize("sides", [3, 4, 5, 8])

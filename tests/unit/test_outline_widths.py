@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from test_outline import build, regular, turn
 
-from skmpm import box, disc, outline
-from skmpm.outline.widths import MAX_POINTS, _pairs
+from skmpm import box, disc
+from skmpm.outline.widths import MAX_POINTS, _pairs, inclined_thickness, slit_width, thickness
 
 ANGLES = (0.0, 0.3, 1.234)
 SPACINGS = (0.25, 0.1, 0.033)
@@ -103,7 +103,7 @@ COMPACT = {  # without parallel sides: inscribed circles, found on middles of ed
 
 def measured(loops, angle=0.0, scale=1.0):
     boundary, x, bodies = build([scale * turn(angle) @ loop for loop in loops])
-    return outline.thickness(boundary, x, bodies)[0] / scale
+    return thickness(boundary, x, bodies)[0] / scale
 
 
 @pytest.mark.parametrize("spacing", SPACINGS)
@@ -148,18 +148,18 @@ def test_slits(name, spacing):
     tolerance = 0.05 * (spacing / SPACINGS[0]) ** 2 if "hole" in name or name == "annulus" else 0.01
     for angle in ANGLES:
         boundary, x, bodies = build([turn(angle) @ loop for loop in loops(spacing)])
-        assert outline.slit_width(boundary, x, bodies)[0] == pytest.approx(expected, rel=tolerance)
+        assert slit_width(boundary, x, bodies)[0] == pytest.approx(expected, rel=tolerance)
 
 
 def test_each_body_has_its_own_slit(monkeypatch):
     """Whatever is beside it; bodies that are convex or without outline have none, and are not searched."""
     square, wall, cut = SHAPES["square"][0](0.1), SHAPES["annulus"][0](0.1), SLITS["slit"][0](0.1)
     boundary, x, bodies = build(cut, [], [5.0 * loop for loop in wall], square, [3.0 * loop for loop in cut], [])
-    found = outline.slit_width(boundary, x, bodies)
+    found = slit_width(boundary, x, bodies)
     np.testing.assert_allclose(found, [0.2, np.inf, 7.0, np.inf, 0.6, np.inf], rtol=0.01)
-    assert outline.slit_width(*build()).shape == (0,)
+    assert slit_width(*build()).shape == (0,)
     monkeypatch.setattr("skmpm.outline.widths._narrowest", None)
-    assert np.isinf(outline.slit_width(*build(square, [], SHAPES["disc"][0](0.1)))).all()
+    assert np.isinf(slit_width(*build(square, [], SHAPES["disc"][0](0.1)))).all()
 
 
 @pytest.mark.parametrize("name", SHAPES)
@@ -167,20 +167,20 @@ def test_pairs_that_cannot_face_each_other_are_left_out_and_no_others(name, monk
     """The same to the last digit with every pair."""
     for spacing, angle in [(0.25, 0.0), (0.1, 1.234), (0.033, 0.3)]:
         boundary, x, bodies = build([turn(angle) @ loop for loop in SHAPES[name][0](spacing)])
-        found = [f(boundary, x, bodies) for f in (outline.thickness, outline.slit_width)]
+        found = [f(boundary, x, bodies) for f in (thickness, slit_width)]
         with monkeypatch.context() as every:
             every.setattr("skmpm.outline.widths._steep_pairs", _pairs)
-            assert found == [f(boundary, x, bodies) for f in (outline.thickness, outline.slit_width)]
+            assert found == [f(boundary, x, bodies) for f in (thickness, slit_width)]
 
 
 def test_each_body_has_its_own_and_none_without_outline():
     """Whatever is beside it, or around it: other bodies do not count. Lengths scale."""
     square, wall = SHAPES["square"][0](0.1), SHAPES["annulus"][0](0.1)
     boundary, x, bodies = build([], [5.0 * loop for loop in wall], square, [], [2.0 * loop for loop in square])
-    found = outline.thickness(boundary, x, bodies)
+    found = thickness(boundary, x, bodies)
     np.testing.assert_allclose(found, [np.nan, 1.5, 1.0, np.nan, 2.0], rtol=0.01)
     assert measured(square, 0.3, 1e-6) == pytest.approx(1.0) == pytest.approx(measured(square, 0.3, 1e6))
-    none = outline.thickness(*build())
+    none = thickness(*build())
     assert none.shape == (0,)
 
 
@@ -218,9 +218,7 @@ def lips(d):
     return sampled([(0, 0), (8, 0), (8, 4), *((8.2 - a, b) for a, b in left), *left[::-1], (0, 4)], d)
 
 
-@pytest.mark.parametrize(
-    ("shape", "width", "expected"), [(notched, outline.thickness, 0.2), (lips, outline.slit_width, 0.1)]
-)
+@pytest.mark.parametrize(("shape", "width", "expected"), [(notched, thickness, 0.2), (lips, slit_width, 0.1)])
 def test_nothing_depends_on_where_a_long_loop_begins(shape, width, expected):
     """More points than pairs begin at, and a neck or mouth between two of them."""
     x = shape(0.04)
@@ -236,6 +234,6 @@ def test_parts_that_are_inclined_to_the_axes(degrees, expected):
     """A strip that is turned, and a ring, which has such parts at any angle; not of bodies that are not chosen."""
     strip = turn(np.radians(degrees)) @ sampled([(0, 0), (3, 0), (3, 0.2), (0, 0.2)], 0.05)
     boundary, x, _ = build([strip], [ring(1.0, 0.05), ring(0.7, 0.05)[:, ::-1]])
-    found = outline.inclined_thickness(boundary, x, np.array([True, True]))
+    found = inclined_thickness(boundary, x, np.array([True, True]))
     assert found == pytest.approx([expected, 0.3], rel=0.01)
-    assert outline.inclined_thickness(boundary, x, np.array([False, True]))[0] == np.inf
+    assert inclined_thickness(boundary, x, np.array([False, True]))[0] == np.inf

@@ -22,6 +22,7 @@ import scipy.sparse.linalg as spla
 import skmpm
 from examples import compaction
 from skmpm import linear
+from skmpm.linear.solver import half_bandwidth
 from skmpm.parallel import available
 
 from . import scenes
@@ -74,7 +75,7 @@ def lu(A: sp.bsr_array) -> dict[str, float]:
         return process_time() - began
 
     found = [seconds("MMD_AT_PLUS_A", 0.0)]
-    if linear.half_bandwidth(A) < NARROW:  # bodies in their own order: less fill than minimum degree
+    if half_bandwidth(A) < NARROW:  # bodies in their own order: less fill than minimum degree
         found.append(seconds("NATURAL", 0.0))
     return {"lu": min(found), "lu_direct": seconds("MMD_AT_PLUS_A", 1.0)}
 

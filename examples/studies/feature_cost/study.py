@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 import skmpm
-from skmpm.linear import half_bandwidth
+from skmpm.linear.solver import half_bandwidth
 
 from .. import pages
 from . import scenes
