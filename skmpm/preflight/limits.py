@@ -154,9 +154,9 @@ TABLE = (
     Limit("R/h", "resolution", 3.2, lambda m: Reading(m.own, m.resolution, m.cell) if m.touches else None,
           "R/h = {value}; piles and packings were verified from {limit} on, Hertz's force from 5 on; use cell ="
           " {smaller} m or less", "test_pile, test_hertz", least=True),
-    Limit("R/h alone", "resolution", 1.0, lambda m: None if m.touches else Reading(m.own, m.resolution, m.cell),
-          "R/h = {value}; bodies were verified from R/h = 2 on; use cell = {smaller} m or less",
-          "test_corners", least=True),
+    Limit("R/h alone", "resolution", 1.5, lambda m: None if m.touches else Reading(m.own, m.resolution, m.cell),
+          "R/h = {value}; bodies were verified from {limit} on; use cell = {smaller} m or less",
+          "test_parameters", least=True),
     Limit("thin part", "thin-parts", 4.0, lambda m: Reading(m.own, m.across + m.chords, m.cell),
           "{value} cells across its thinnest part of {size} m; along the grid strips of 1, 2, 4, 8 cells bend by up"
           " to 36, 13.8, 2.2, 0.8 % too little; use cell = {smaller} m or less", "test_thin_parts", least=True),

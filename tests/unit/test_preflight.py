@@ -299,7 +299,7 @@ def quick(scene):
 LIMITED = {  # limit, what the warning says first, scene of a value, dt of scene and value, scheme
     "R/h": ("R/h", r"body 0, the worst of 2: R/h = 3\.1997;",
             lambda v: replace(pair(), cell=R / v), None, {}),
-    "R/h alone": ("R/h alone", r"body 0: R/h = 0\.9999;", lambda v: small(20, v), None, {}),
+    "R/h alone": ("R/h alone", r"body 0: R/h = 1\.4998;", lambda v: small(20, v), None, {}),
     "thin": ("thin part", r"body 0, the worst of 2: 3\.9996 cells across its thinnest part of 0.001 m;",
              lambda v: Scene([Body(box((x, 0.0), (9 * R, R), spacing=R / 12), GEL) for x in (0.0, 10 * R)],
                              cell=R / v), None, {}),
