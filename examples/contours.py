@@ -1,5 +1,5 @@
 """Grains from a picture
-====================
+=====================
 
 Contours of grains in a picture become soft bodies, which a lid presses.
 
