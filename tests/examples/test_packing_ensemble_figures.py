@@ -524,7 +524,8 @@ def test_another_machine_goes_on_from_what_stands_beside_the_page(code, ran, mad
         text = lzma.decompress(path.read_bytes()).decode()
         assert str(ran) not in text and '"host"' not in text
     options = ["--study", str(study), "--docs", str(docs)]
-    code.archive.main(code.archive.parser().parse_args([*options, "--restore"]))
+    assert code.archive.restore(docs, study, "0.0.1") == [] and not study.exists()
+    code.archive.main(code.archive.parser().parse_args([*options, "--restore", "--version", skmpm.__version__]))
     assert not list(study.rglob("*.checkpoint"))
     again = code.figures.main(code.figures.parser().parse_args(options))
     assert verdicts(again) == verdicts(rows)

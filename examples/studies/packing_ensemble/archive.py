@@ -1,11 +1,13 @@
 """Members of the study beside its page, so that it goes on, and is drawn again, on another machine.
 
     python -m examples.studies.packing_ensemble archive              # what has finished, from out/study to the page
-    python -m examples.studies.packing_ensemble archive --restore    # back to out/study, before the study goes on
+    python -m examples.studies.packing_ensemble archive --restore    # back to out/study, before the page is drawn
+    python -m examples.studies.packing_ensemble archive --restore --version 0.3.0rc1    # before the study goes on
 
 A file has what makes a finished member: its manifest, without names of directories and machines, its table, and what
 its states told (`stages.measured`). The states are left out, which pictures of packings are drawn from: restored
-members keep those that there are. `study` does not run restored members again, and refuses those of another version.
+members keep those that there are. `study` does not run restored members again, and refuses those of another version:
+with `--version` only members of one are restored, and the others run anew.
 """
 
 from __future__ import annotations
@@ -42,14 +44,16 @@ def store(out: Path, docs: Path) -> list[str]:
     return [ran.name for ran in finished]
 
 
-def restore(docs: Path, out: Path) -> list[str]:
-    """Make the directories of members that are beside the page and not there; their names."""
+def restore(docs: Path, out: Path, version: str | None = None) -> list[str]:
+    """Make the directories of members, all or those of a version, that are only beside the page; their names."""
     made = []
     for path in sorted((docs / FOLDER).glob(f"*{SUFFIX}")):
         name = path.name.removesuffix(SUFFIX)
         if (out / name).exists():
             continue
         about = json.loads(lzma.decompress(path.read_bytes()))
+        if version not in (None, about["manifest"]["versions"]["skmpm"]):
+            continue
         (out / name).mkdir(parents=True)
         (out / name / "table.csv").write_text(about["table"])
         (out / name / stages.MEASURES).write_text(json.dumps(about["stages"]))
@@ -79,7 +83,8 @@ def anonymous(manifest: dict[str, Any]) -> dict[str, Any]:
 
 def main(options: argparse.Namespace) -> None:
     """Store or restore, and say what."""
-    names = restore(options.docs, options.study) if options.restore else store(options.study, options.docs)
+    folders = options.docs, options.study
+    names = restore(*folders, options.version) if options.restore else store(*folders[::-1])
     print(f"{len(names)} members: {', '.join(names) or '-'}")
 
 
@@ -89,4 +94,5 @@ def parser() -> argparse.ArgumentParser:
     options.add_argument("--study", type=Path, default=Path("out/study"), help="directory of study.py's results")
     options.add_argument("--docs", type=Path, default=pages.DOCS, help="directory of packing_ensemble.md")
     options.add_argument("--restore", action="store_true", help="from the page to the directory")
+    options.add_argument("--version", help="of skmpm, whose members are restored; None: all")
     return options
