@@ -15,6 +15,7 @@ from skmpm.contact.boundary import PUSH_OUT
 from skmpm.contact.closest_points import LIGHT
 from skmpm.material import has_memory, poisson_ratio, youngs_modulus
 from skmpm.preflight import quantities as of
+from skmpm.preflight.edges import edge_radii
 from skmpm.preflight.metrics import SceneMetrics
 from skmpm.preflight.quantities import Reading, ceiled, floored
 from skmpm.preflight.slopes import wide_contacts
@@ -278,7 +279,7 @@ TABLE = (
     Limit("velocities without inertia", "scheme", nan,
           lambda m: None if m.scheme.inertia or m.at_rest or not m.touches else of.choice(m),
           "inertia = False ignores the initial velocities of bodies; remove them or use inertia"),
-    Limit("radius of a rigid edge", "rigid-edges", MIN_EDGE_RADIUS, of.edge_radii,
+    Limit("radius of a rigid edge", "rigid-edges", MIN_EDGE_RADIUS, edge_radii,
           "its edge at ({x:.4g}, {y:.4g}) m has a radius of {value} h, and may press on body {soft} without inertia;"
           " soft surfaces jump at sharp edges, and steps fail: 9 of 14 blocks were indented by 40 % with 0 h, 13 with"
           " {limit} h; use inertia, or an edge rounded by {radius} m with points {spacing} m apart",

@@ -122,10 +122,15 @@ class SceneMetrics:
         return self.scene.fastest_wave * self.dt / self.cell if self.scheme.inertia else 0.0
 
     @cached_property
+    def fastest(self) -> tuple[str, float]:
+        """The fastest wall, rigid body or support whose motion is prescribed, and its speed [m/s]; zero for none."""
+        every = (named for t in self.times.tolist() for named in driven(self.scene, t))
+        return max(every, key=lambda named: named[1], default=("", 0.0))
+
+    @cached_property
     def driven(self) -> tuple[str, float]:
         """The fastest wall, rigid body or support, and how far it moves in a step [cells]; else what forces drive."""
-        every = (named for t in self.times.tolist() for named in driven(self.scene, t))
-        name, speed = max(every, key=lambda named: named[1], default=("", 0.0))
+        name, speed = self.fastest
         if not speed:
             return ", ".join(name for name, _ in driven_by_force(self.scene)), 0.0
         stroke = speed * self.dt / self.cell

@@ -14,7 +14,6 @@ from skmpm import outline
 from skmpm.arrays import ROUND_OFF, Array, Bools, Ints
 from skmpm.contact import acts_at_grid_nodes
 from skmpm.material import Material, NeoHookean, has_memory, is_linear, poisson_ratio, youngs_modulus
-from skmpm.outline.measures import bend
 from skmpm.outline.tips import tip_angles
 from skmpm.outline.widths import inclined_thickness
 from skmpm.points import Points
@@ -24,7 +23,6 @@ from skmpm.scene import TOUCHING, prescribed_motions
 from skmpm.step.driven import driven, driven_by_force
 from skmpm.step.initial_state import initial_motion
 from skmpm.step.regrid import torn_bodies
-from skmpm.step.rigid_edges import MIN_EDGE_RADIUS, facing_edges
 from skmpm.stepping.functions_of_time import FunctionsOfTime
 from skmpm.stepping.loading import gravity_of
 
@@ -306,26 +304,3 @@ def approach(m: SceneMetrics) -> Reading:
     """Cells by which bodies may move past each other in a step."""
     fallen = f" after falling by {m.fall:.3g} m" if m.fall else ""
     return Reading(["bodies"], m.approach, facts={"fallen": fallen})
-
-
-def edge_radii(m: SceneMetrics) -> Reading | None:
-    """Radii of the sharpest edges of rigid bodies that meet deformable ones without inertia [cells]; 0 at corners.
-
-    At corners the boundary turns by more than 50 degrees, however far apart its points are; on arcs with points 0.8
-    radii apart it turns by 46.
-    """
-    if m.scheme.inertia or not m.touches or acts_at_grid_nodes(m.scheme.contact):
-        return None
-    boundary, x, least = m.scene.outlines, m.boundary, MIN_EDGE_RADIUS * m.cell
-    bends, convex = bend(boundary, x), outline.curve(boundary, x).convex
-    corner = convex & ~m.scene.deformable[boundary.body]
-    seen = float((1.0 / bends[corner]).max(initial=least))
-    rigid, point, soft = facing_edges(m.scene, initial_motion(m.scene)[0], seen * (1.0 + 4.0 * ROUND_OFF))
-    radius = np.zeros(m.scene.owner.size)
-    radius[boundary.point[~corner]] = 1.0 / np.maximum(bends[~corner], 1e-300)
-    sharpest = np.lexsort([radius[point], rigid])
-    rigid, first = np.unique(rigid[sharpest], return_index=True)
-    at = sharpest[first]
-    x, y = m.scene.initial_positions[:, point[at]]
-    facts = {"x": x, "y": y, "soft": soft[at], "radius": ceiled(least), "spacing": floored(0.8 * least)}
-    return Reading(rigid, radius[point[at]] / m.cell, facts=facts)
