@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from skmpm.arrays import Array, Ints
 from skmpm.points.cloud import Points
-from skmpm.points.shapes import point, positive, radau_ring
+from skmpm.points.shapes import check_number, point, positive, radau_ring
 
 
 def ring(centre: ArrayLike, inner: float, outer: float, *, spacing: float) -> Points:
@@ -53,6 +53,7 @@ def ring(centre: ArrayLike, inner: float, outer: float, *, spacing: float) -> Po
     )
     if a >= b:
         raise ValueError(f"inner is {a:g} and outer {b:g}; give an inner radius below the outer one")
+    check_number(np.pi * (b**2 - a**2), h)
     edges = np.linspace(a, b, max(2, round((b - a) / h)) + 1)
     area = np.pi * np.diff(edges**2)
     radii = np.sqrt((edges[1:] ** 2 + edges[:-1] ** 2) / 2.0)

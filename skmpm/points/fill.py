@@ -9,6 +9,7 @@ from scipy.spatial import Delaunay, cKDTree
 
 from skmpm.arrays import Array, Bools, Ints
 from skmpm.points.cloud import Points, signed_area
+from skmpm.points.shapes import check_number
 
 Curve = Callable[[Array], Array]  # points (2, n) at parameters (n,), of period 1; the body lies on its left
 
@@ -65,6 +66,7 @@ def filled(loops: Sequence[tuple[Curve, Array]], area: float, h: float, origin: 
 
     Each curve has boundary points at its knots, ascending parameters, and at equal intervals between them.
     """
+    check_number(area, h)
     fine, places = [], []
     for curve, knots in loops:
         x, s = _boundary(curve, knots, h)

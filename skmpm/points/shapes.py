@@ -8,6 +8,8 @@ from numpy.typing import ArrayLike
 from skmpm.arrays import Array
 from skmpm.points.cloud import Points
 
+MOST = 2e7  # points of a body, whose run needs 24 GB
+
 
 def disc(centre: ArrayLike, radius: float, *, spacing: float) -> Points:
     """Points of a disc: rings of equal thickness, the outermost points on the boundary.
@@ -44,6 +46,7 @@ def disc(centre: ArrayLike, radius: float, *, spacing: float) -> Points:
     """
     c, R = point("centre", centre), positive("radius", radius)
     h = positive("spacing", spacing)
+    check_number(np.pi * R**2, h)
     edges = R * np.linspace(0.0, 1.0, max(1, round(R / h)) + 1)
     area = np.pi * np.diff(edges**2)
     radii = np.sqrt((edges[1:] ** 2 + edges[:-1] ** 2) / 2)
@@ -101,8 +104,10 @@ def box(corner: ArrayLike, size: ArrayLike, *, spacing: float) -> Points:
     >>> round(float(1e6 * points.volume.sum()), 3)
     2.0
     """
-    c, L, h = point("corner", corner), point("size", size), positive("spacing", spacing)
-    (x, u), (y, v) = (_radau_interval(positive("size", length), h) for length in L.tolist())
+    c, h = point("corner", corner), positive("spacing", spacing)
+    width, height = (positive("size", length) for length in point("size", size).tolist())
+    check_number(width * height, h)
+    (x, u), (y, v) = (_radau_interval(length, h) for length in (width, height))
     index = np.arange(x.size * y.size).reshape(x.size, y.size)
     boundary = np.concatenate((index[:-1, 0], index[-1, :-1], index[:0:-1, -1], index[0, :0:-1]))
     position = c[:, None] + np.array((np.repeat(x, y.size), np.tile(y, x.size)))
@@ -116,6 +121,15 @@ def _radau_interval(L: float, h: float) -> tuple[Array, Array]:
     x = np.concatenate(((0, 2 / 3), middle, (n - 2 / 3, n))) / n
     w = np.concatenate(((1 / 4, 3 / 4), np.ones(n - 2), (3 / 4, 1 / 4))) / n
     return L * x, L * w
+
+
+def check_number(area: float, spacing: float) -> None:
+    """Raise ValueError if an area has more points a spacing apart than a computer holds."""
+    if (number := area / spacing**2) > MOST:
+        raise ValueError(
+            f"spacing is {spacing:g}, at which an area of {area:.3g} has {number:.0e} points; give both in the same"
+            " unit, metres, or a larger spacing"
+        )
 
 
 def positive(name: str, value: float) -> float:

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import skmpm
 from skmpm import Body, NeoHookean, Scene, Wall, capsule, ellipse, initial, observe, polygon, simulate
 from skmpm.points import check
 from skmpm.points.fill import CLEARANCE
@@ -132,3 +133,21 @@ def test_shapes_come_to_rest_on_each_other():
 def test_bad_input_is_refused(make, message):
     with pytest.raises(ValueError, match=message):
         make()
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        lambda h: skmpm.disc((0, 0), 3.0, spacing=h),
+        lambda h: skmpm.box((0, 0), (3.0, 3.0), spacing=h),
+        lambda h: skmpm.ring((0, 0), 1.0, 3.0, spacing=h),
+        lambda h: skmpm.ellipse((0, 0), (3.0, 2.0), spacing=h),
+        lambda h: skmpm.from_outline([[0, 3, 3, 0], [0, 0, 3, 3]], spacing=h),
+    ],
+)
+def test_lengths_in_two_units_are_refused_before_they_fill_the_memory(shape):
+    """Millimetres with a spacing in metres."""
+    with pytest.raises(
+        ValueError, match=r"spacing is 0\.0003, at which an area of \S+ has \de\+08 points; give both"
+    ):
+        shape(3e-4)
