@@ -191,7 +191,7 @@ def _bodies(scene: Scene, state: State, shift: Array) -> PolyData:
     seen = observe(scene, state).bodies
     start, mass = scene.offsets[:-1], np.add.reduceat(state.mass, scene.offsets[:-1])
     velocity = np.add.reduceat(state.mass * state.v, start, axis=1) / mass
-    data = {"body": body, "velocity": _in_space(velocity[:, body])}
+    data = {"body": body, "velocity": _in_space(velocity[:, body]), "force": _in_space(state.body_force[:, body])}
     return PolyData(_in_space(curve.x), cells, {}, data | {name: getattr(seen, name)[body] for name in OF_BODIES})
 
 
@@ -202,6 +202,7 @@ def _contacts(scene: Scene, state: State, shift: Array) -> PolyData:
     number = np.arange(2 * pairs.size)
     table = pairs.table()
     data = {name: table[name] for name in OF_CONTACTS}
+    data |= {"point": _in_space(pairs.centre + shift[:, pairs.bodies[0]]), "normal": _in_space(pairs.normal)}
     return PolyData(_in_space(ends.reshape(-1, 2).T), {"Lines": number.reshape(-1, 2)}, {}, data)
 
 

@@ -31,8 +31,10 @@ class Frame:
     points : fields by point: body (n,), velocity [m/s] and displacement [m] (2, n), stress (3, 3, n) and pressure
         (n,) [Pa], volume (n,) [m2], det_F (n,), with materials with memory plastic_strain (n,)
     outlines : the smooth boundaries, loops of points (2, k) [m]; holes are loops of their own
-    bodies : fields by loop: body, velocity (2, loops), and observables of the body, as `record` lists them
-    contacts : fields by pair of bodies that touch, as `record` lists them, and lines (k, 2, 2) [m] between them
+    bodies : fields by loop, several for a body with holes: body, velocity and force (2, loops), and observables of
+        the body, as `record` lists them
+    contacts : fields by pair of bodies that touch, as `record` lists them, point and normal (2, k), and lines
+        (k, 2, 2) [m] between them
     box : (2, 2) or (2, 1) edges of the periodic box as columns [m], None without one; bodies are
         those with centres in it
     walls : wall (k,), point [m], normal and force [N/m] (2, k) of the walls near the bodies, and their lines

@@ -51,11 +51,11 @@ def record(path: str | Path, scene: Scene, *, append: bool = False) -> Iterator[
       by row, tension positive; zz is that of plane strain) and pressure -(xx + yy)/2 [Pa], both elastic, without what
       viscosity adds, volume [m2], det_F, body; with materials with memory their plastic_strain
     - bodies: the smooth boundaries, polygons or, around holes, lines, with data of the body: velocity of the centre
-      of mass, pressure and deviatoric_stress (of contacts), coordination, volume_ratio and aspect_ratio as in
-      `observe`, body
+      of mass, resultant force of the contacts [N/m], pressure and deviatoric_stress (of contacts), coordination,
+      volume_ratio and aspect_ratio as in `observe`, body
     - contacts: a line between the centres of each pair of bodies that touch, to the contact on walls, with first and
-      second body (walls -1, -2, ...), normal_force and tangential_force [N/m], mobilised_friction and length [m] as
-      `network` defines them
+      second body (walls -1, -2, ...), normal_force and tangential_force [N/m], mobilised_friction, length [m],
+      mean contact point [m] and normal as `network` defines them
     - walls: a line for each wall near the bodies, with wall (-1, -2, ...), a point [m], the normal, and the force of
       the bodies on it [N/m]
     - box: the periodic box, if there is one; bodies are drawn where their centres lie in it

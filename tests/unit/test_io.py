@@ -491,6 +491,8 @@ def test_bodies_are_smooth_polygons_with_data_of_the_body(tmp_path, states):
             np.average(state.v[:, state.body == b], axis=1, weights=state.mass[state.body == b]) for b in (0, 1)
         ]
         np.testing.assert_allclose(bodies["velocity"][:, :2], momentum, rtol=1e-6, atol=1e-12)
+        np.testing.assert_allclose(bodies["force"][:, :2].T, state.body_force, rtol=1e-6, atol=1e-12)
+    assert states[-1].body_force.any()
 
 
 def test_contacts_are_lines_whose_number_changes(tmp_path, states):
@@ -505,6 +507,8 @@ def test_contacts_are_lines_whose_number_changes(tmp_path, states):
         np.testing.assert_array_equal(lines["second"], pairs.bodies[1])
         np.testing.assert_allclose(lines["normal_force"], pairs.force[0], rtol=1e-6)
         np.testing.assert_allclose(lines["tangential_force"], pairs.force[1], rtol=1e-6)
+        np.testing.assert_allclose(lines["point"][:, :2].T, pairs.centre, rtol=1e-6, atol=1e-9)
+        np.testing.assert_allclose(lines["normal"][:, :2].T, pairs.normal, rtol=1e-6, atol=1e-9)
         apart = np.diff(lines["x"].reshape(-1, 2, 3)[:, :, :2], axis=1)[:, 0].T
         np.testing.assert_allclose(apart, -pairs.branch, atol=1e-12)
     assert counts[0] == counts[-1] == 0 < counts[1]
