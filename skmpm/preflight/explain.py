@@ -8,14 +8,14 @@ from difflib import get_close_matches
 from pathlib import Path
 from posixpath import join, normpath
 
-from skmpm.preflight.limits import TABLE
+from skmpm.preflight.limits import TABLE, PreflightWarning
 
 FOLDER = "docs/how_to"
 WARNINGS = f"{FOLDER}/warnings.md"
 NEAR = 0.75  # least likeness of words for difflib: "millimeter" is near "millimetres", "memory" is not near "energy"
 
 
-def explain(section: str | None = None) -> None:
+def explain(section: str | PreflightWarning | None = None) -> None:
     """Print what a warning of `preflight` means, or a step that failed, and what to do about it.
 
     A warning ends with the name of a section in brackets, as ``[thin-parts]``. The texts are those of the pages "What
@@ -24,8 +24,8 @@ def explain(section: str | None = None) -> None:
 
     Parameters
     ----------
-    section : name in the brackets of a warning, with or without these, or "failures"; without it, all names are
-        printed, each with its first sentence
+    section : a warning of `preflight`, its text, its kind or the name in its brackets, or "failures"; without it, all
+        names are printed, each with its first sentence
 
     Raises
     ------
@@ -41,7 +41,9 @@ def explain(section: str | None = None) -> None:
     **The coefficient of friction is above 2**, up to which the contact solver was verified. Beyond it hardly anything
     slides; use 2.
     """
-    known, name = sections(), re.sub(r"[\s_]+", "-", str(section).strip("[] ").lower())
+    text = str(section)
+    text = {limit.kind: limit.section for limit in TABLE}.get(text, (re.findall(r"\[([\w-]+)\]", text) or [text])[-1])
+    known, name = sections(), re.sub(r"[\s_]+", "-", text.strip().lower())
     if section is None:
         width = max(map(len, known))
         # a section begins with what is wrong, in bold

@@ -37,6 +37,16 @@ def test_a_name_may_be_written_as_in_the_warning_or_as_words(name, capsys):
     assert capsys.readouterr().out.startswith("thin-parts\n")
 
 
+@pytest.mark.parametrize("told", [lambda w: w, str, lambda w: f"preflight: {w}\n", lambda w: w.kind])
+def test_a_warning_is_explained_as_it_is_at_hand(told, capsys):
+    """Itself, its text, a line of the log, its kind."""
+    body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    floor = skmpm.Wall((0, -1e-3), (0, 1))
+    (warning,) = skmpm.preflight(skmpm.Scene([body], cell=4e-4, walls=[floor], gravity=(0, -9.81))).warnings
+    skmpm.explain(told(warning))
+    assert capsys.readouterr().out.startswith("resolution\n") and warning.kind == "R/h"
+
+
 @pytest.mark.parametrize(
     ("word", "section"),
     [
@@ -44,9 +54,7 @@ def test_a_name_may_be_written_as_in_the_warning_or_as_words(name, capsys):
         ("units", "sizes"),  # of a text; near a name, too, "slits"
         ("millimeter", "sizes"),  # near a word of a text
         ("locking", "incompressibility"),
-        ("R/h", "resolution"),  # the kind of a warning
         ("step failed", "failures"),  # both words
-        ("tip", "sharp-tips"),
     ],
 )
 def test_an_unknown_word_leads_to_the_section_that_speaks_of_it(word, section):
