@@ -152,6 +152,10 @@ TABLE = (
           if m.touches and m.extremes(youngs_modulus).min() > PASCALS else None,
           "the smallest is {value} m across, and moduli are as large as in Pa; lengths are in metres; use 1e-3 for"
           " a millimetre"),
+    Limit("weight over E", "sizes", 1.0, of.weight,
+          "density, gravity and the height of all bodies make {weight:.3g} Pa, {value} of its E; four rows of discs"
+          " came to rest at {limit}, at 3 they overlapped; use a modulus in Pa with a density in kg/m3 and lengths in"
+          " metres", "test_pile"),
     Limit("R/h", "resolution", 3.2, lambda m: Reading(m.own, m.resolution, m.cell) if m.touches else None,
           "R/h = {value}; piles and packings were verified from {limit} on, Hertz's force from 5 on; use cell ="
           " {smaller} m or less", "test_pile, test_hertz", least=True),

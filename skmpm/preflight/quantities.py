@@ -73,6 +73,17 @@ def leaving_walls(m: SceneMetrics) -> Reading | None:
     return Reading([f"wall {i}" for i in away], facts={"x": v[0, away], "y": v[1, away]})
 
 
+def weight(m: SceneMetrics) -> Reading | None:
+    """Density times gravity times the height of what gravity moves, over Young's modulus of each deformable body."""
+    scene, g = m.scene, gravity_of(m.scene)
+    size, moved = float(np.hypot(*g)), scene.movable[scene.owner]
+    if size == 0.0:
+        return None
+    height = float(np.ptp(g @ scene.initial_positions[:, moved])) / size
+    pressure = float(scene.masses[moved].sum() / scene.initial_volumes[moved].sum()) * size * height
+    return Reading(m.own, pressure / m.extremes(youngs_modulus)[0], facts={"weight": pressure})
+
+
 def pulled_walls(m: SceneMetrics) -> Reading | None:
     """Walls that a constant force or pressure pulls away from bodies that do not cohere."""
     if m.cohesion > 0.0:

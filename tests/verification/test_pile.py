@@ -149,6 +149,24 @@ def test_a_grain_of_gel_rests_under_its_own_weight(spacing=12):
     assert -states[-1].wall_force[0, 1] == pytest.approx(9.81 * states[-1].mass.sum(), rel=1e-3)
 
 
+def test_discs_as_soft_as_their_own_weight_come_to_rest():
+    """Four rows whose weight over their height is Young's modulus sink to 0.76 of it; with 3 E a step fails."""
+    height = 8.0 * R
+    E = DENSITY * G * height
+    gel = NeoHookean(E, 0.45, DENSITY, viscosity=0.2 * R * np.sqrt(DENSITY * E))
+    centres = [(R * (1 + 2 * i + 0.01 * (j % 2)), R * (1 + 2 * j)) for j in range(4) for i in range(3)]
+    bodies = [Body(disc(centre, R, spacing=0.74 * R / 5), gel) for centre in centres]
+    sides = [Wall((0.0, 0.0), (1, 0), friction=0.0), Wall((6.02 * R, 0.0), (-1, 0), friction=0.0)]
+    walls = [Wall((0.0, 0.0), (0, 1)), *sides]
+    scene = Scene(bodies, cell=R / 5, walls=walls, friction=0.3, gravity=(0.0, -G))
+    for state in simulate(scene, until=8.0 * np.sqrt(height / G), warn=False):  # noqa: B007
+        pass
+    energy = state.report.energy
+    assert energy.kinetic < 1e-4 * energy.elastic
+    assert -state.wall_force[0, 1] == pytest.approx(G * state.mass.sum(), rel=5e-3)
+    assert 0.7 * height < state.x[1].max() < 0.85 * height
+
+
 def test_how_fast_a_frictionless_floor_slides_below_grains_does_not_matter():
     """Two grains that touch with friction, on a floor without: at 20 m/s it bears them as it does at rest."""
     r, gel = 1e-3, NeoHookean(1e7, 0.45, 990.0)
