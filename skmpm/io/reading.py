@@ -88,7 +88,7 @@ class Recording(Sequence[Frame]):
     def __getitem__(self, k: int | slice) -> Frame | list[Frame]:
         if isinstance(k, slice):
             return [self[i] for i in range(*k.indices(len(self)))]
-        k = range(len(self))[k]
+        k = self._frame(k)
         with open_file(self.path, "r") as file:
             vtk = file["VTKHDF"]
             x, points, _, _ = _step(vtk["points"], k)
@@ -102,6 +102,12 @@ class Recording(Sequence[Frame]):
         bodies = {name: values[..., order] for name, values in bodies.items()}
         contacts["lines"], walls["lines"] = (place.T.reshape(-1, 2, 2) for place in (ends, corners))
         return Frame(float(self.t[k]), x, points, outlines, bodies, contacts, walls, box, **self._constants)
+
+    def _frame(self, k: int) -> int:
+        """The number of a frame, counted from the end if negative."""
+        if not -len(self) <= k < len(self):
+            raise IndexError(f"{self.path}: there is no frame {k}; give one of {len(self)}, counted from 0")
+        return k % len(self)
 
     def __iter__(self) -> Iterator[Frame]:
         return (self[k] for k in range(len(self)))
@@ -159,7 +165,7 @@ class Recording(Sequence[Frame]):
             if there is no such frame
         """
         reader = optional("pyvista", "to_pyvista", "tables").get_reader(str(self.path))
-        reader.reader.SetStep(range(len(self))[k])
+        reader.reader.SetStep(self._frame(k))
         return reader.read()
 
     def __repr__(self) -> str:

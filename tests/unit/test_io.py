@@ -433,8 +433,10 @@ def test_a_frame_is_handed_to_pyvista(tmp_path, states):
     recording = read(tmp_path / "run.vtkhdf")
     for k in (0, -1):
         np.testing.assert_array_equal(recording.to_pyvista(k)["points"].points[:, :2].T, states[k].x)
-    with pytest.raises(IndexError):
+    with pytest.raises(IndexError, match=rf"no frame {len(states)}; give one of {len(states)}, counted from 0"):
         recording.to_pyvista(len(states))
+    with pytest.raises(IndexError, match="no frame -99;"):
+        recording[-99]
 
 
 def test_a_run_is_one_dataset(tmp_path, states):
