@@ -6,7 +6,8 @@ Contours of grains in a picture become soft bodies, which a lid presses.
     python examples/contours.py
 
 The picture is drawn here; of a photograph `plt.contour` traces the grains in the same way, after a threshold between
-grains and ground. `skmpm.from_outline` takes each contour, whatever its shape, and fills it with material points.
+grains and ground. `skmpm.from_outline` takes each contour, whatever its shape, and fills it with material points; its
+`smoothing` takes out noise of a photograph, which this picture has not.
 Compare: the area of the bodies with the number of pixels of the grains.
 """
 

@@ -15,7 +15,7 @@ from skmpm.outline.curve import CORNER_COSINE
 from skmpm.outline.tips import tip_angles
 from skmpm.outline.widths import thickness
 from skmpm.points.cloud import Points, check_crossings, encloses, signed_area
-from skmpm.points.fill import Curve, consecutive, filled, rounded
+from skmpm.points.fill import FINE, FINE_IN_SPACING, Curve, consecutive, filled, rounded
 from skmpm.points.shapes import positive
 
 # Spacings to either side of a vertex over which its turn is taken, and from corner to corner: the steps of a contour
@@ -27,9 +27,12 @@ MAX_AREA_ERROR = 10.0  # [%]
 # [spacings] of the thinnest part. A uniform stress in inclined strips 20 long, with points 0.74 cells apart, is wrong
 # by up to 9, 5, 5, 2 and 1 % at widths of 0.2, 0.3, 0.5, 1 and 2.5; of combs with thinner teeth corners are lost.
 THINNEST = 0.5
+REPEATED = 1e-6  # [spacings] between vertices that are one: beside nearly equal ones round-off made sides cross
 
 
-def from_outline(vertices: ArrayLike | Sequence[ArrayLike], *, spacing: float, rounding: float = 0.0) -> Points:
+def from_outline(
+    vertices: ArrayLike | Sequence[ArrayLike], *, spacing: float, rounding: float = 0.0, smoothing: float = 0.0
+) -> Points:
     """Points of a polygon or of a digitised contour, which may be concave and have holes.
 
     Boundary points lie on the polygon, about a spacing apart. Its corners are among them, vertices at which it turns
@@ -40,6 +43,8 @@ def from_outline(vertices: ArrayLike | Sequence[ArrayLike], *, spacing: float, r
     vertices : (2, n) boundary in order, in either sense [m]; or a list of such loops, first the outer one, then holes
     spacing : approximate distance between neighbouring points [m]
     rounding : radius of arcs that replace the vertices, convex and re-entrant ones [m]; none by default
+    smoothing : length along each loop over which it is averaged before all else [m], against noise and steps of
+        pixels; none by default
 
     Returns
     -------
@@ -49,13 +54,20 @@ def from_outline(vertices: ArrayLike | Sequence[ArrayLike], *, spacing: float, r
     ------
     ValueError
         if a loop has fewer than three vertices, no area or numbers that are not finite, crosses itself or another, or
-        is a hole outside; if the arcs do not fit; if the spacing is not positive, or too large for the shape
+        is a hole outside; if the arcs do not fit; if the smoothing takes a tenth of the area of a loop, or makes
+        loops cross; if the spacing is not positive, or too large for the shape
 
     Notes
     -----
     The inside is filled by a triangular lattice, and each point has a third of the triangles around it. The volumes
-    add up to the area of the polygon, with its arcs. A vertex that repeats the one before, or the first, is left out.
+    add up to the area of the polygon, with its arcs. A vertex within 1e-6 spacings of the one before is left out.
     Contours of curves need vertices closer than the spacing: on longer chords a round body rolls as a polygon.
+
+    Boundary points take the noise of single places of a contour. Against it give `smoothing` two to four spacings,
+    and two pixels or more. Each loop becomes its moving average, scaled about its centroid to the area it had, and
+    corners become arcs about as long as `smoothing`. Of discs of radius 17 spacings with steps of R/20, 94 corners
+    vanish with two to four spacings, and their sides turn off the circle by 27 to 13 degrees at most, without by 83.
+    With noise of 1 %, 78 corners vanish, and the sides turn off by 17 to 8 degrees, without by 75.
 
     Examples
     --------
@@ -67,8 +79,10 @@ def from_outline(vertices: ArrayLike | Sequence[ArrayLike], *, spacing: float, r
     4.0
     """
     h = positive("spacing", spacing)
-    r = 0.0 if np.ndim(rounding) == 0 and rounding == 0 else positive("rounding", rounding)
-    loops = _loops(vertices)
+    r, window = _not_negative("rounding", rounding), _not_negative("smoothing", smoothing)
+    loops = _loops(vertices, h)
+    if window > 0.0:
+        loops = _smoothed(loops, window, h)
     centre = 0.5 * (loops[0].min(axis=1, keepdims=True) + loops[0].max(axis=1, keepdims=True))
     curves, area = list[tuple[Curve, Array]](), 0.0
     for loop in loops:
@@ -90,11 +104,17 @@ def from_outline(vertices: ArrayLike | Sequence[ArrayLike], *, spacing: float, r
     return points
 
 
-def _loops(vertices: ArrayLike | Sequence[ArrayLike]) -> list[Array]:
+def _not_negative(name: str, value: float) -> float:
+    if np.ndim(value) or not 0 <= float(value) < np.inf:
+        raise ValueError(f"{name} is {value!r}; give 0 or a positive number")
+    return float(value)
+
+
+def _loops(vertices: ArrayLike | Sequence[ArrayLike], h: float) -> list[Array]:
     """Loops (2, n) without repeated vertices, the outer one counter-clockwise, the others clockwise inside of it."""
     given: Any = vertices
     try:
-        several = all(np.ndim(loop) == 2 for loop in given)
+        several = all(np.ndim(loop) > 1 for loop in given) and np.shape(given[:1])[1:] != (1, 2)
         loops = [np.asarray(loop, dtype=np.float64) for loop in (given if several else [given])]
     except (TypeError, ValueError):
         loops = []
@@ -102,14 +122,19 @@ def _loops(vertices: ArrayLike | Sequence[ArrayLike]) -> list[Array]:
         raise ValueError(f"vertices is {type(given).__name__!r}; give positions (2, n), or a list of such loops")
     for k, x in enumerate(loops):
         if x.ndim != 2 or x.shape[0] != 2 or x.shape[1] < 3:
+            rows = {(2,): "v.T of these v, ", (1, 2): "v[:, 0].T of these v, "}.get(x.shape[1:], "")
             raise ValueError(
-                f"loop {k} has shape {x.shape}; give (2, n), components first, with three vertices or more"
+                f"loop {k} has shape {x.shape}; give {rows}(2, n), components first, with three vertices or more"
             )
         if not np.isfinite(x).all():
             raise ValueError(f"vertex {np.isfinite(x).all(axis=0).argmin()} of loop {k} is not finite; leave it out")
-    if problem := check_crossings(np.concatenate(loops, axis=1), consecutive([x.shape[1] for x in loops])):
+    every, numbers = np.concatenate(loops, axis=1), consecutive([x.shape[1] for x in loops])
+    least = [REPEATED * min(h, np.ptp(x, axis=1).max()) for x in loops]
+    kept = [np.hypot(*(x - np.roll(x, 1, axis=1))) > d for x, d in zip(loops, least, strict=True)]
+    own = [of_loop[chosen] for of_loop, chosen in zip(numbers, kept, strict=True)]
+    if problem := check_crossings(every, [of_loop for of_loop in own if of_loop.size]):
         raise ValueError(f"vertices: {problem}")
-    loops = [x[:, (x != np.roll(x, 1, axis=1)).any(axis=0)] for x in loops]
+    loops = [every[:, of_loop] for of_loop in own]
     for k, x in enumerate(loops):
         if x.shape[1] < 3 or abs(signed_area(x)) < 1e-12 * np.ptp(x, axis=1).max() ** 2:
             raise ValueError(f"loop {k} has no area; list three vertices or more in order around it")
@@ -121,12 +146,62 @@ def _loops(vertices: ArrayLike | Sequence[ArrayLike]) -> list[Array]:
     return [x if (signed_area(x) > 0.0) == (k == 0) else x[:, ::-1] for k, x in enumerate(loops)]
 
 
+def _smoothed(loops: Sequence[Array], window: float, h: float) -> list[Array]:
+    """The moving averages of loops (2, n) over a length [m], scaled about their centroids to the areas they had."""
+    smooth = list[Array]()
+    for k, loop in enumerate(loops):
+        x = _averaged(loop, window, h)
+        share = signed_area(x) / signed_area(loop)
+        if share < 1.0 - 0.01 * MAX_AREA_ERROR:
+            raise ValueError(
+                f"smoothing is {window:g}; the average of loop {k}, which is {_sides(loop)[1].sum():.3g} m long, has"
+                f" {100.0 * share:.0f} % of its area, give a smaller one"
+            )
+        centre = _centroid(x)
+        smooth.append(centre + (x - centre) / np.sqrt(share))
+    if check_crossings(np.concatenate(smooth, axis=1), consecutive([x.shape[1] for x in smooth])):
+        raise ValueError(f"smoothing is {window:g}; the averages of the loops cross, give a smaller one")
+    return smooth
+
+
+def _averaged(loop: Array, window: float, h: float) -> Array:
+    """The moving average (2, m) of a loop (2, n) by its arc length, exact at equal intervals of it."""
+    side, length = _sides(loop)
+    origin = loop[:, :1]
+    x, ends = loop - origin, np.append(0.0, np.cumsum(length))
+    sums = np.append(np.zeros((2, 1)), np.cumsum(length * (x + 0.5 * side), axis=1), axis=1)
+
+    def integral(s: Array) -> Array:
+        turns, along = np.divmod(s, ends[-1])
+        i = np.minimum(np.searchsorted(ends, along, side="right") - 1, length.size - 1)
+        rest = along - ends[i]
+        whole: Array = turns * sums[:, -1:] + sums[:, i] + rest * (x[:, i] + 0.5 * rest / length[i] * side[:, i])
+        return whole
+
+    count = max(FINE, int(np.ceil(FINE_IN_SPACING * ends[-1] / h)))
+    s = ends[-1] * np.arange(count) / count
+    return origin + (integral(s + 0.5 * window) - integral(s - 0.5 * window)) / window
+
+
+def _sides(loop: Array) -> tuple[Array, Array]:
+    """Vectors (2, n) from vertex to vertex and their lengths (n,)."""
+    side = np.roll(loop, -1, axis=1) - loop
+    return side, np.hypot(*side)
+
+
+def _centroid(loop: Array) -> Array:
+    """Of the area inside a loop (2, n), (2, 1)."""
+    x = loop - loop[:, :1]
+    z = np.roll(x, -1, axis=1)
+    return np.asarray(loop[:, :1] + ((x + z) @ (x[0] * z[1] - x[1] * z[0]) / (6.0 * signed_area(x)))[:, None])
+
+
 def _knots(curve: Curve, breaks: Array, h: float) -> Array:
     """Of the ascending parameters of a curve those of its corners, the sharpest of any within half a spacing."""
     x = curve(breaks)
     own = outlines([[np.arange(breaks.size)]], offsets=[0])
     turn = np.abs(np.pi - tip_angles(own, x, SEEN * h))
-    length = np.hypot(*(np.roll(x, -1, axis=1) - x)).sum()
+    length = _sides(x)[1].sum()
     kept = list[float]()
     for i in np.argsort(-turn, kind="stable")[: np.count_nonzero(np.cos(turn) < CORNER_COSINE)]:
         away = np.abs(breaks[i] - np.array(kept))

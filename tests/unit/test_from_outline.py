@@ -18,6 +18,7 @@ from skmpm import (
     preflight,
     simulate,
 )
+from skmpm.outline import curve, outlines
 from skmpm.points import check
 from skmpm.points.fill import CLEARANCE
 from skmpm.preflight.sampling import stress_errors
@@ -173,6 +174,85 @@ def test_a_digitised_circle_is_a_disc():
     assert force[1] == pytest.approx(force[0], rel=0.02)
 
 
+def of_pixels(side, shift):
+    """The contour (2, n) of the pixels of a side whose centres, shifted by so many sides, are in a circle of 1."""
+    i = np.arange(-np.ceil(1.0 / side) - 2, np.ceil(1.0 / side) + 3)
+    inside = {(a, b) for a in i for b in i if (a + shift) ** 2 + (b + shift) ** 2 < side**-2}
+    to = dict[tuple[float, float], tuple[float, float]]()
+    for a, b in inside:
+        corners = [(a, b), (a + 1, b), (a + 1, b + 1), (a, b + 1)]
+        for k, beside in enumerate([(a, b - 1), (a + 1, b), (a, b + 1), (a - 1, b)]):
+            if beside not in inside:
+                to[corners[k]] = corners[(k + 1) % 4]
+    path = [min(to)]
+    while len(path) < len(to):
+        path.append(to[path[-1]])
+    return side * (np.array(path).T + shift - 0.5)
+
+
+def noisy(n, share):
+    return (1.0 + share * np.random.default_rng(4).standard_normal(n)) * circle(n=n)
+
+
+@pytest.mark.parametrize(
+    ("vertices", "spacings", "off", "tilt"),
+    [
+        (noisy(200, 0.005), 2, 0.01, 10.0),
+        (noisy(400, 0.01), 3, 0.015, 12.0),
+        (of_pixels(0.05, 0.0), 3, 0.025, 20.0),
+        (of_pixels(0.05, 0.3), 3, 0.025, 20.0),
+        (of_pixels(0.1, 0.2), 4, 0.05, 35.0),
+    ],
+)
+def test_smoothing_takes_out_noise_and_pixels(vertices, spacings, off, tilt):
+    """A disc with R/h = 12: no corners, near the circle in place and direction, with the area that was given."""
+    h = 0.7 / 12
+    points = from_outline(vertices, spacing=h, smoothing=spacings * h)
+    given = moments([vertices])[0]
+    assert points.volume.sum() == pytest.approx(given, rel=1e-12)
+    own = outlines([points.outline], offsets=[0])
+    x = points.x[:, points.outline[0]]
+    assert not curve(own, x).corner.any()
+    assert np.abs(np.hypot(*x) / np.sqrt(given / np.pi) - 1.0).max() < off
+    side, middle = np.roll(x, -1, axis=1) - x, 0.5 * (np.roll(x, -1, axis=1) + x)
+    sine = np.abs((side * middle).sum(axis=0)) / (np.hypot(*side) * np.hypot(*middle))
+    assert np.rad2deg(np.arcsin(sine)).max() < tilt
+
+
+def test_smoothing_is_a_moving_average_of_the_same_area():
+    """Of a square, against means of many places along a window, whose area the shoelace formula gives."""
+    L, h, n = 0.4, 0.01, 4000
+    u = (np.arange(n) + 0.5) / n * 4.0
+    side, along = np.floor(u).astype(int), u % 1.0
+    x = SQUARE[:, side] + along * (np.roll(SQUARE, -1, axis=1) - SQUARE)[:, side] + [[5.0], [-3.0]]
+    width = round(n * L / 4.0)
+    mean = np.mean([np.roll(x, k, axis=1) for k in range(-width // 2, width // 2)], axis=0)
+    centre = np.array([[5.5], [-2.5]])
+    mean = centre + (mean - centre) / np.sqrt(moments([mean])[0])
+    points = from_outline(SQUARE + np.array([[5.0], [-3.0]]), spacing=h, smoothing=L)
+    assert distances(mean, points.x[:, points.outline[0]]).max() < 5e-4
+    assert points.volume.sum() == pytest.approx(1.0, rel=1e-12)
+
+
+def test_smoothing_goes_with_holes_and_arcs():
+    outer, hole = noisy(400, 0.005), 0.5 * noisy(200, 0.005) + [[0.2], [0.1]]
+    points = from_outline([outer, hole], spacing=0.06, smoothing=0.15, rounding=0.05)
+    assert check(points) is None and len(points.outline) == 2
+    assert points.volume.sum() == pytest.approx(moments([outer, hole])[0], rel=1e-4)
+    centre = points.x[:, points.outline[1]].mean(axis=1)
+    assert centre == pytest.approx([0.2, 0.1], abs=0.01)
+
+
+def test_vertices_that_nearly_repeat_are_one():
+    """The first vertex again, and others, up to 3e-8 spacings away and turned back: no crossing, the same points."""
+    beside = 3e-9 * np.random.default_rng(1).uniform(-1.0, 1.0, (2, 6, 3))
+    x = (L_SHAPE[:, :, None] + np.concatenate([np.zeros((2, 6, 1)), beside], axis=2)).reshape(2, -1)
+    expected, points = from_outline(L_SHAPE, spacing=0.1), from_outline(x, spacing=0.1)
+    np.testing.assert_allclose(points.x, expected.x, atol=1e-7)
+    with pytest.raises(ValueError, match="too large for the thinnest part"):
+        from_outline(1e-9 * SQUARE, spacing=1e-6)
+
+
 @pytest.mark.parametrize(("inside", "radius"), [(0, 0.2), (1, 0.2), (0, 0.99)])
 def test_arcs_replace_corners(inside, radius):
     """An L with 5 convex corners and one re-entrant; or a square hole, whose corners are all re-entrant."""
@@ -240,7 +320,9 @@ SQUARE = np.array([[0.0, 1.0, 1.0, 0.0], [0.0, 0.0, 1.0, 1.0]])
     [
         ("grain.csv", {}, "vertices is 'str'; give positions"),
         ([], {}, "vertices is 'list'; give positions"),
-        (SQUARE.T, {}, r"loop 0 has shape \(4, 2\); give \(2, n\), components first"),
+        (SQUARE.T, {}, r"loop 0 has shape \(4, 2\); give v.T of these v, \(2, n\), components first"),
+        (SQUARE.T[:, None], {}, r"loop 0 has shape \(4, 1, 2\); give v\[:, 0\].T of these v, \(2, n\)"),
+        ([SQUARE, SQUARE.T[:, None]], {}, r"loop 1 has shape \(4, 1, 2\); give v\[:, 0\].T of these v, \(2, n\)"),
         (SQUARE[:, :2], {}, r"loop 0 has shape \(2, 2\); give .* three vertices or more"),
         (np.repeat(SQUARE[:, :2], 2, axis=1), {}, "loop 0 has no area; list three vertices or more"),
         (SQUARE * [[1.0], [np.nan]], {}, "vertex 0 of loop 0 is not finite; leave it out"),
@@ -256,7 +338,11 @@ SQUARE = np.array([[0.0, 1.0, 1.0, 0.0], [0.0, 0.0, 1.0, 1.0]])
         (SQUARE, {"spacing": 2.5}, "spacing is 2.5, too large for the thinnest part of 1 m; give 2 or less"),
         (SQUARE * [[1.0], [0.04]], {}, "too large for the thinnest part of 0.04 m; give 0.08 or less"),
         (teeth(12, 0.7, 2), {"spacing": 0.9}, "spacing is 0.9; the polygon of boundary points has 125 % of the area"),
-        (SQUARE, {"rounding": -0.1}, "rounding is -0.1; give a finite number > 0"),
+        (SQUARE, {"rounding": -0.1}, "rounding is -0.1; give 0 or a positive number"),
+        (SQUARE, {"smoothing": -1}, "smoothing is -1; give 0 or a positive number"),
+        (SQUARE, {"smoothing": 2.0}, "smoothing is 2; the average of loop 0, which is 4 m long, has .* %"),
+        (circle(), {"smoothing": 50.0}, "the average of loop 0, which is 6.28 m long, has 0 % of its area"),
+        ([SQUARE, 0.5 * SQUARE + [[0.25], [0.002]]], {"smoothing": 0.3}, "the averages of the loops cross"),
         (SQUARE, {"rounding": 0.6}, r"rounding is 0.6, its arcs need 1.2 m of the side of 1 m .* give 0.495 or less"),
         (circle(), {"rounding": 1.01}, "rounding is 1.01, its arcs need .* give 0.99 or less"),
     ],
