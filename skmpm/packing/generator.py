@@ -52,6 +52,7 @@ class Packing:
     radii : (N,) radii [m]; of other shapes those of discs of the same area
     width : width of the box [m]
     height : height of the box, by the solid fraction [m]
+    angles : (N,) rotations of the shapes that were given, counter-clockwise [rad]; zeros for discs
     points : the points of the shapes where they lie, for `Body`; empty for discs
 
     Examples
@@ -65,12 +66,25 @@ class Packing:
     [0.001414, 0.001414, 0.001414]
     >>> round(1e3 * result.height, 3)
     4.712
+
+    Concave grains are packed in their convex hulls, and placed about the centres of area of these:
+
+    >>> import numpy as np
+    >>> from scipy.spatial import ConvexHull
+    >>> t = np.linspace(0, 2 * np.pi, 200, endpoint=False)
+    >>> bean = 1e-3 * np.stack([1.5 * np.cos(t), 0.5 * np.sin(t) + np.cos(t) ** 2])
+    >>> grain = skmpm.from_outline(bean, spacing=2e-4)
+    >>> hull = skmpm.from_outline(bean[:, ConvexHull(bean.T).vertices], spacing=2e-4)
+    >>> result = skmpm.packing([hull] * 3, width=6e-3, solid_fraction=0.4)
+    >>> about = np.average(hull.x, axis=1, weights=hull.volume)
+    >>> grains = [grain.placed(c, a, about=about) for c, a in zip(result.centres.T, result.angles)]
     """
 
     centres: Array
     radii: Array
     width: float
     height: float
+    angles: Array
     points: tuple[Points, ...] = ()
 
 
@@ -87,7 +101,8 @@ def packing(
 
     Parameters
     ----------
-    shapes : radii of discs (N,) [m], or a list of `Points` with convex outlines: ellipses, capsules, polygons, ...
+    shapes : radii of discs (N,) [m], or a list of `Points` with convex outlines: ellipses, capsules, polygons, ...,
+        or convex hulls of concave grains (see `Packing`)
     width : width of the box [m]
     solid_fraction : area of the bodies over that of the box, from which its height follows
     friction : coefficient between bodies during packing, zero at the walls; it lowers the solid fraction at jamming
@@ -97,7 +112,7 @@ def packing(
 
     Returns
     -------
-    centres and radii, or points of the shapes where they lie, and the size of the box
+    centres and radii, or angles and points of the shapes where they lie, and the size of the box
 
     Raises
     ------
@@ -154,7 +169,7 @@ def packing(
 
     attempts = 1 + _ATTEMPTED_DISCS // R.size
     x = _attempt(lambda: discs.scatter(scaled, box, rng), move, attempts, solid_fraction, rng, box, "discs")
-    return Packing(x * unit, R, float(width), height)
+    return Packing(x * unit, R, float(width), height, np.zeros(R.size))
 
 
 def _of_shapes(
@@ -185,7 +200,7 @@ def _of_shapes(
     x = _attempt(start, separate, attempts, solid_fraction, rng, box, "shapes")
     centres = x[:2] * unit
     points = tuple(cloud.placed(c, angle) for cloud, c, angle in zip(clouds, centres.T, x[2].tolist(), strict=True))
-    return Packing(centres, R, float(width), height, points)
+    return Packing(centres, R, float(width), height, x[2], points)
 
 
 Separate: TypeAlias = Callable[..., Array | None]  # x, size=, tolerance= -> x without overlap, or None

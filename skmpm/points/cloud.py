@@ -64,19 +64,21 @@ class Points:
         """Number of material points."""
         return int(self.volume.size)
 
-    def placed(self, centre: ArrayLike, angle: float = 0.0) -> Points:
+    def placed(self, centre: ArrayLike, angle: float = 0.0, *, about: ArrayLike | None = None) -> Points:
         """Points moved to another place and rotated.
 
         Parameters
         ----------
-        centre : (2,) new centre of their area [m]
+        centre : (2,) new centre of their area [m], or place of `about`
         angle : rotation about it, counter-clockwise [rad]
+        about : (2,) place [m] that comes to lie at `centre`; the centre of their area by default
 
         Returns
         -------
         the points there
         """
-        arm = self.x - np.average(self.x, axis=1, weights=self.volume)[:, None]
+        middle = np.average(self.x, axis=1, weights=self.volume) if about is None else about
+        arm = self.x - np.asarray(middle, dtype=np.float64)[:, None]
         turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
         return replace(self, x=np.asarray(centre, dtype=np.float64)[:, None] + turn @ arm)
 

@@ -6,13 +6,14 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy.optimize import linprog
+from scipy.spatial import ConvexHull
 
 import skmpm
 from skmpm.outline import area, outlines, overlap
 from skmpm.packing import PackingError, packing
 from skmpm.packing.discs import Box, rows
 from skmpm.packing.shapes import _contacts, shapes_of
-from skmpm.points import Points, box, capsule, disc, ellipse, polygon
+from skmpm.points import Points, box, capsule, disc, ellipse, from_outline, polygon
 
 R, SPACING = 1e-3, 0.25e-3
 
@@ -157,6 +158,39 @@ def test_placed_moves_and_turns_a_cloud():
     cloud = box((0, 0), (2, 1), spacing=0.25)
     placed = cloud.placed((5.0, 6.0), np.pi / 2)
     np.testing.assert_allclose(placed.x, [5.5 - cloud.x[1], 5.0 + cloud.x[0]], atol=1e-12)
+
+
+def bean(i):
+    """Vertices (2, n) of a concave grain, far from the origin and turned."""
+    t = np.linspace(0.0, 2.0 * np.pi, 240, endpoint=False)
+    x = R * (1.5 * np.cos(t) + 1j * (0.5 * np.sin(t) + np.cos(t) ** 2)) * np.exp(1j * i)
+    return np.stack([x.real + 3.0 * R, x.imag - 2.0 * R])
+
+
+def test_grains_lie_in_their_hulls():
+    """Hulls placed by hand are those packed; concave grains are within them, and overlap no other."""
+    vertices = [bean(i) for i in range(6)]
+    convex = [x[:, ConvexHull(x.T).vertices] for x in vertices]
+    grains, hulls = ([from_outline(x, spacing=0.15 * R) for x in xs] for xs in (vertices, convex))
+    p = packing(hulls, 6.0 * R, solid_fraction=0.6, seed=3)
+    assert p.angles.shape == (6,) and np.ptp(p.angles) > 0.5
+    placed = []
+    for grain, hull, centre, angle, points in zip(grains, hulls, p.centres.T, p.angles, p.points, strict=True):
+        about = np.average(hull.x, axis=1, weights=hull.volume)
+        turn = np.exp(1j * angle)
+        z = (hull.x - about[:, None]).T @ [1.0, 1j] * turn + centre @ [1.0, 1j]
+        np.testing.assert_allclose(points.x, [z.real, z.imag], rtol=0.0, atol=1e-14 * p.width)
+        placed.append(grain.placed(centre, angle, about=about))
+        boundary = points.x[:, points.outline[0]]
+        side = np.roll(boundary, -1, axis=1) - boundary
+        arm = placed[-1].x[:, None] - boundary[:, :, None]
+        depth = (side[0, :, None] * arm[1] - side[1, :, None] * arm[0]) / np.hypot(*side)[:, None]
+        assert depth.min() > -0.01 * R  # by the sagitta of segments of the hull's boundary
+        assert np.hypot(*(np.average(grain.x, axis=1, weights=grain.volume) - about)) > 0.05 * R
+    gel = skmpm.NeoHookean(1e6, 0.3, 1000.0)
+    scene = skmpm.Scene([skmpm.Body(points, gel) for points in placed], cell=0.2 * R)
+    assert skmpm.observe(scene, skmpm.initial(scene)).overlap < 1e-6
+    assert not packing([R] * 3, 6.0 * R, solid_fraction=0.3).angles.any()
 
 
 def test_shapes_in_a_periodic_box():
