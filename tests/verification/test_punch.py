@@ -149,7 +149,7 @@ def test_a_failure_at_an_edge_names_it_and_the_remedy():
 def test_sharp_edges_that_meet_a_soft_body_are_warned_of():
     """Before the run, without inertia; not round ones, nor those beside the body or on their way from it."""
     still = Scheme(inertia=False)
-    says = r"body 1: its edge at \(0\.[12], 0\.1\) m .* on body 0 .*; use inertia, or an edge rounded by 0\.005 m"
+    says = r"body 1: its edge at \(0\.[12], 0\.1\) m .* on body 0 .*; use inertia, or an edge rounded by 0\.0051 m"
     assert len(_warned(punch(), still)) == 1
     assert re.match(says, _warned(punch(), still)[0].text)
     assert _warned(punch(radius=0.25), still)
