@@ -13,16 +13,14 @@ from skmpm import linear
 from skmpm.arrays import Array, Ints
 from skmpm.grid import BodyGrids, build_grids
 from skmpm.grid.assembly import ghost_facets
-from skmpm.grid.moment_fitting import fitted_weights
 from skmpm.linear.band import column_lengths
 from skmpm.linear.choice import chosen
 from skmpm.material import Material
-from skmpm.outline.cells import cell_moments
 from skmpm.outline.measures import chord_sagitta
 from skmpm.outline.widths import slit_width
 from skmpm.scene import Scene
 from skmpm.scheme import Scheme
-from skmpm.step.derived import derived_data
+from skmpm.step.derived import derived_data, fitted
 from skmpm.step.driven import driven, driven_by_force
 from skmpm.step.equations import LONG
 from skmpm.step.initial_state import initial, initial_motion
@@ -194,7 +192,10 @@ class SceneMetrics:
         soft = scene.deformable[scene.owner]
         inward = scene.inward_normals(x)[:, soft]
         grid = build_grids(x[:, soft], scene.owner[soft], scene.cell, len(scene.bodies), inward)
-        facets, _ = ghost_facets(grid, _weights(scene, self.scheme, grid))
+        weights = scene.initial_volumes[soft]
+        if self.scheme.moment_fitting:
+            weights, _ = fitted(scene, grid, weights, x)
+        facets, _ = ghost_facets(grid, weights)
         node = np.arange(grid.nodes)
         last = node.copy()
         for nodes in (grid.nodes_of_cell, facets):
@@ -224,17 +225,6 @@ class SceneMetrics:
 def disc_radii(scene: Scene) -> Array:
     """Radii of discs of the areas of the bodies, (bodies,) [m]."""
     return np.asarray(np.sqrt(np.bincount(scene.owner, scene.initial_volumes, len(scene.bodies)) / np.pi))
-
-
-def _weights(scene: Scene, scheme: Scheme, grid: BodyGrids) -> Array:
-    """Quadrature weights (n,) of the points on body grids [m2], by which a step finds cells that are cut."""
-    volume, boundary = scene.initial_volumes[scene.deformable_points], scene.outlines
-    bounded = scene.outlined[grid.cell_body][grid.cell_of_point]
-    if not (scheme.moment_fitting and bounded.any()):
-        return volume
-    x = scene.initial_positions[:, boundary.point]
-    exact = cell_moments(boundary, x, grid.cell, grid.cell_index, grid.cell_body)[:3]
-    return np.where(bounded, fitted_weights(grid, volume, exact), volume)
 
 
 def _supported_grid(scene: Scene, scheme: Scheme) -> tuple[BodyGrids, Ints]:

@@ -28,7 +28,7 @@ def derived_data(scene: Scene, scheme: Scheme, x: Array, volume: Array) -> Deriv
     grid = build_grids(x[:, own], scene.owner[own], scene.cell, len(scene.bodies), scene.inward_normals(x)[:, own])
     weights = volume[own]
     if scheme.moment_fitting:
-        weights, grid = _fitted(scene, grid, weights, x)
+        weights, grid = fitted(scene, grid, weights, x)
     modulus = ghost_moduli(scene, scheme, grid)
     return Derived(
         assembly=prepare(grid, weights, scene.masses[own], modulus),
@@ -39,7 +39,7 @@ def derived_data(scene: Scene, scheme: Scheme, x: Array, volume: Array) -> Deriv
     )
 
 
-def _fitted(scene: Scene, grid: BodyGrids, volume: Array, x: Array) -> tuple[Array, BodyGrids]:
+def fitted(scene: Scene, grid: BodyGrids, volume: Array, x: Array) -> tuple[Array, BodyGrids]:
     """Quadrature weights (n,) of the points by moment fitting, and the grids with the places where strains are taken.
 
     Bodies without outline keep their volumes and places.
