@@ -67,7 +67,7 @@ def _hidden(side: Side, segment: Ints, t: Array, force: Array, width: Array, siz
 
     Forces are of one contact if they are at most two cells apart: those farther apart hardly share a node.
     """
-    away = np.abs(side.s[:, None] - _positions(side, segment, t)[force > 0.0])
+    away = np.abs(side.s[:, None] - (side.s[segment] + _along(side, segment, t))[force > 0.0])
     away = np.minimum(away, side.total - away) if side.closed else away
     near = away.min(axis=1, initial=np.inf) <= h
     near[segment[force > 0.0]] = True
@@ -95,9 +95,9 @@ def _least_peaks(side: Side, segment: Ints, t: Array, force: Array, width: Array
     return np.asarray(np.divide(total**2, extent, out=np.full(groups, np.inf), where=extent > 0.0))
 
 
-def _positions(side: Side, segment: Ints, t: Array) -> Array:
-    """Arc lengths on the side (k,) [m] of places at parts t of segments."""
-    return np.asarray(side.s[segment] + t * np.diff(np.append(side.s, side.total))[segment])
+def _along(side: Side, segment: Ints, t: Array) -> Array:
+    """Arc lengths (k,) [m] from where segments begin to places at parts t of them."""
+    return np.asarray(t * np.diff(np.append(side.s, side.total))[segment])
 
 
 def _with_moments(side: Side, segment: Ints, t: Array, loads: Array, tractions: Array, stretch: Ints) -> Array:
@@ -112,7 +112,7 @@ def _with_moments(side: Side, segment: Ints, t: Array, loads: Array, tractions: 
         s = (s - s[np.argmin(tractions[:, -1])]) % side.total
     total, first = _sums(F[:, -1:] * np.stack([np.ones(s.size), s], axis=1), stretch).T
     arm = s - _ratio(first[:, None], total)[stretch, 0]
-    load_arm = arm[segment] + t * np.diff(np.append(side.s, side.total))[segment]
+    load_arm = arm[segment] + _along(side, segment, t)
     missing = -_sums(F * arm[:, None], stretch)
     np.add.at(missing, stretch[segment], loads.T * load_arm[:, None])
     second = _sums(F[:, -1:] * arm[:, None] ** 2, stretch)[:, 0]

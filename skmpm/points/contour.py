@@ -10,13 +10,13 @@ from numpy.typing import ArrayLike
 
 from skmpm.arrays import Array
 from skmpm.outline import area as measured_area
-from skmpm.outline import outlines
+from skmpm.outline import centroid, outlines
 from skmpm.outline.curve import CORNER_COSINE
 from skmpm.outline.tips import tip_angles
 from skmpm.outline.widths import thickness
 from skmpm.points.cloud import Points, check_crossings, encloses, signed_area
 from skmpm.points.fill import FINE, FINE_IN_SPACING, Curve, consecutive, filled, rounded
-from skmpm.points.shapes import positive
+from skmpm.points.shapes import not_negative, positive
 
 # Spacings to either side of a vertex over which its turn is taken, and from corner to corner: the steps of a contour
 # along pixels of 0.2 spacings make at most two corners, those of 0.3 make 26 of 209 points.
@@ -79,7 +79,7 @@ def from_outline(
     4.0
     """
     h = positive("spacing", spacing)
-    r, window = _not_negative("rounding", rounding), _not_negative("smoothing", smoothing)
+    r, window = not_negative("rounding", rounding), not_negative("smoothing", smoothing)
     loops = _loops(vertices, h)
     if window > 0.0:
         loops = _smoothed(loops, window, h)
@@ -102,12 +102,6 @@ def from_outline(
             f"spacing is {h:g}, too large for the thinnest part of {width:.3g} m; give {width / THINNEST:.3g} or less"
         )
     return points
-
-
-def _not_negative(name: str, value: float) -> float:
-    if np.ndim(value) or not 0 <= float(value) < np.inf:
-        raise ValueError(f"{name} is {value!r}; give 0 or a positive number")
-    return float(value)
 
 
 def _loops(vertices: ArrayLike | Sequence[ArrayLike], h: float) -> list[Array]:
@@ -157,7 +151,7 @@ def _smoothed(loops: Sequence[Array], window: float, h: float) -> list[Array]:
                 f"smoothing is {window:g}; the average of loop {k}, which is {_sides(loop)[1].sum():.3g} m long, has"
                 f" {100.0 * share:.0f} % of its area, give a smaller one"
             )
-        centre = _centroid(x)
+        centre = centroid(outlines([[np.arange(x.shape[1])]], offsets=[0]), x, 1)
         smooth.append(centre + (x - centre) / np.sqrt(share))
     if check_crossings(np.concatenate(smooth, axis=1), consecutive([x.shape[1] for x in smooth])):
         raise ValueError(f"smoothing is {window:g}; the averages of the loops cross, give a smaller one")
@@ -187,13 +181,6 @@ def _sides(loop: Array) -> tuple[Array, Array]:
     """Vectors (2, n) from vertex to vertex and their lengths (n,)."""
     side = np.roll(loop, -1, axis=1) - loop
     return side, np.hypot(*side)
-
-
-def _centroid(loop: Array) -> Array:
-    """Of the area inside a loop (2, n), (2, 1)."""
-    x = loop - loop[:, :1]
-    z = np.roll(x, -1, axis=1)
-    return np.asarray(loop[:, :1] + ((x + z) @ (x[0] * z[1] - x[1] * z[0]) / (6.0 * signed_area(x)))[:, None])
 
 
 def _knots(curve: Curve, breaks: Array, h: float) -> Array:

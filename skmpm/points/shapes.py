@@ -139,6 +139,13 @@ def positive(name: str, value: float) -> float:
     return float(value)
 
 
+def not_negative(name: str, value: float) -> float:
+    """The value; ValueError if it is not zero or a finite number above it."""
+    if np.ndim(value) or not 0 <= float(value) < np.inf:
+        raise ValueError(f"{name} is {value!r}; give 0 or a positive number")
+    return float(value)
+
+
 def point(name: str, value: ArrayLike) -> Array:
     """The value as an array (2,); ValueError if it is not two finite numbers."""
     try:
