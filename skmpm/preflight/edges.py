@@ -12,6 +12,7 @@ from skmpm.outline.measures import bend
 from skmpm.preflight.metrics import SceneMetrics
 from skmpm.preflight.quantities import Reading, ceiled, floored
 from skmpm.scene import Scene
+from skmpm.step.driven import driven_by_force, loaded_bodies
 from skmpm.step.initial_state import initial_motion
 from skmpm.step.rigid_edges import MIN_EDGE_RADIUS
 
@@ -47,10 +48,11 @@ def edge_radii(m: SceneMetrics) -> Reading | None:
 def _reach(m: SceneMetrics) -> float:
     """Distance at which edges and bodies may meet [m]: by prescribed motions of both, until the end of the run.
 
-    Without the end, or where nothing but forces drives, nothing is known of it.
+    Without the end, or where forces drive bodies or walls, nothing is known of it.
     """
+    forces = loaded_bodies(m.scene).size or any(driven_by_force(m.scene))
     speed = m.fastest[1]
-    return np.inf if m.until is None or speed == 0.0 else m.cell + 2.0 * speed * m.until
+    return np.inf if m.until is None or forces or speed == 0.0 else m.cell + 2.0 * speed * m.until
 
 
 def _ahead(scene: Scene, point: Ints, normal: Array, reach: float) -> Bools:

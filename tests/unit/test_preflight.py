@@ -583,7 +583,7 @@ def test_a_warning_of_rigid_edges_that_may_press_without_inertia(tool, radius):
 
 @pytest.mark.parametrize("gap", [0.5 * H, 3.0 * H, 20.0 * H])
 def test_a_lid_may_push_a_body_onto_a_sharp_edge_however_far_away(gap):
-    """Unless the run ends before they meet; edges on the other side of the rigid body do not count."""
+    """Unless the run ends before they meet and no force drives; edges on its far side do not count."""
     lid = Wall((0.0, 5 * R + gap), (0.0, -1.0), velocity=(0.0, -1.0))
     soft = Body(box((-R, 4 * R + gap), (2 * R, R), spacing=0.7 * H), GEL)
     tool = Body(box((-R / 2, 3 * R), (R, R), spacing=0.7 * H), Rigid(1e4), motion=(0, 0, 0))
@@ -591,6 +591,9 @@ def test_a_lid_may_push_a_body_onto_a_sharp_edge_however_far_away(gap):
     assert "body 1: its edge at (" in preflight(scene, DT, scheme=statics)
     assert "body 1: its edge at (" in preflight(scene, until=gap, scheme=statics)
     assert ("its edge" in preflight(scene, until=0.1 * gap, scheme=statics)) == (gap < H)
+    load, pushed = Load(lambda x: x[1] > 4 * R, (0.0, -1.0)), replace(lid, velocity=(0.0, 0.0), force=1.0)
+    for more in ({"loads": [load]}, {"walls": [lid, pushed]}):
+        assert "body 1: its edge at (" in preflight(replace(scene, **more), until=0.1 * gap, scheme=statics)
     below = Body(box((-R, R), (2 * R, R), spacing=0.7 * H), GEL)
     text = preflight(replace(scene, bodies=[below, tool], walls=()), DT, scheme=statics)
     assert re.search(r"body 1: its edge at \(\S+, 0\.003\) m", text)
