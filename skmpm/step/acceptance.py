@@ -11,7 +11,7 @@ from skmpm.material import Rigid, determinant, is_linear
 from skmpm.outline.crossings import apart
 from skmpm.scene import MAX_OVERLAP, TOUCHING, Scene, State, centres, fitted_motions, material_at, overlaps
 from skmpm.scheme import Scheme
-from skmpm.step.errors import StepRejected, pair
+from skmpm.step.errors import StepRejected, pair, place
 from skmpm.step.statics import TOO_FAR
 from skmpm.step.terms import ENERGY_TOLERANCE, Budget
 
@@ -56,7 +56,8 @@ def _check_points(scene: Scene, after: State, budget: Budget) -> None:
     linear = not isinstance(material, Rigid) and is_linear(material)
     small = f" or NeoHookean: {type(material).__name__} holds for small strains" if linear else ""
     remedy = f"use a smaller dt{small}"
-    raise StepRejected(f"body {b}", "points are inverted (det F <= 0) at the end of the step", remedy)
+    where = f"body {b} near {place(after.x[:, worst], scene.cell)}"
+    raise StepRejected(where, "points are inverted (det F <= 0) at the end of the step", remedy)
 
 
 def _check_energy(scene: Scene, scheme: Scheme, before: State, after: State, budget: Budget) -> None:
@@ -168,18 +169,20 @@ def _check_crossings(scene: Scene, after: State) -> None:
         return
     local = apart(boundary, x, *pairs) <= UNRESOLVED_FOLD * scene.cell
     if local.any():
-        raise _crossed(boundary, x, pairs[:, np.argmax(local)], "", FOLDS)
+        raise _crossed(boundary, x, pairs[:, np.argmax(local)], scene.cell, "", FOLDS)
     for b in np.unique(boundary.body[pairs[0]]):
         depth = float(outline.depth(boundary, x, b).max(initial=0.0)) / scene.cell
         if depth > MAX_OVERLAP:
             first = pairs[:, np.argmax(boundary.body[pairs[0]] == b)]
-            raise _crossed(boundary, x, first, f", {depth:.3g} cells deep", PASSES)
+            raise _crossed(boundary, x, first, scene.cell, f", {depth:.3g} cells deep", PASSES)
 
 
-def _crossed(boundary: outline.Outlines, x: Array, segments: Ints, depth: str, remedy: str) -> StepRejected:
+def _crossed(
+    boundary: outline.Outlines, x: Array, segments: Ints, cell: float, depth: str, remedy: str
+) -> StepRejected:
     """The error of an outline of which two segments (2,) cross."""
-    (x0, x1), (y0, y1) = x[:, segments]
-    problem = f"its outline crosses itself near ({x0:.6g}, {y0:.6g}) and ({x1:.6g}, {y1:.6g}) m{depth}"
+    first, second = (place(at, cell) for at in x[:, segments].T)
+    problem = f"its outline crosses itself near {first} and {second}{depth}"
     return StepRejected(f"body {boundary.body[segments[0]]}", problem, remedy)
 
 
@@ -196,12 +199,12 @@ def _check_travel(scene: Scene, before: State, after: State, exact: bool, furthe
     fastest = int(np.argmax(square))
     largest = float(np.sqrt(square[fastest]))
     if largest > further + (scene.max_motion if exact else scene.cell):
-        raise _tunnelling(before, fastest, largest / scene.cell)
+        raise _tunnelling(scene, before, fastest, largest)
     for normal, start, end in zip(scene.normals.T, before.walls, after.walls, strict=True):
         near = np.flatnonzero(normal @ after.x < normal @ end + scene.cell)
         approach = -normal @ (moved[:, near] - (end - start)[:, None])
         if float(approach.max(initial=0.0)) > further + scene.cell:
-            raise _tunnelling(before, int(near[np.argmax(approach)]), float(approach.max()) / scene.cell)
+            raise _tunnelling(scene, before, int(near[np.argmax(approach)]), float(approach.max()))
 
 
 def _affine(before: State, after: State) -> Array:
@@ -211,9 +214,11 @@ def _affine(before: State, after: State) -> Array:
     return np.asarray((F - np.eye(2)) @ before.x)
 
 
-def _tunnelling(state: State, point: int, cells: float) -> StepRejected:
-    where = f"body {state.body[point]}"
-    return StepRejected(where, f"a point moves {cells:.3g} cells past others in one step, and may pass through them")
+def _tunnelling(scene: Scene, before: State, point: int, moved: float) -> StepRejected:
+    """The error of a point that has moved by so much [m]."""
+    where = f"body {before.body[point]} near {place(before.x[:, point], scene.cell)}"
+    problem = f"a point moves {moved / scene.cell:.3g} cells past others in one step, and may pass through them"
+    return StepRejected(where, problem)
 
 
 def _check_walls(scene: Scene, after: State) -> None:
@@ -223,9 +228,9 @@ def _check_walls(scene: Scene, after: State) -> None:
         depth = (normal @ point - normal @ after.x) / scene.cell
         depth[fixed] = 0.0
         if float(depth.max()) > MAX_WALL_PENETRATION:
-            b = after.body[np.argmax(depth)]
+            deepest = int(np.argmax(depth))
             raise StepRejected(
-                f"body {b} and wall {i}",
+                f"body {after.body[deepest]} and wall {i} near {place(after.x[:, deepest], scene.cell)}",
                 f"a point lies {depth.max():.3g} cells behind the wall",
                 "use a smaller dt or cell, or compress less",
             )

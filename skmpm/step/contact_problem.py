@@ -23,7 +23,7 @@ from skmpm.scene.report import Timer
 from skmpm.step.contact_scale import ContactScale
 from skmpm.step.contact_stiffness import ScalarMotion, sticking
 from skmpm.step.equations import Increment
-from skmpm.step.errors import StepRejected, pair
+from skmpm.step.errors import StepRejected, of_contact, pair
 from skmpm.step.scalar_unknowns import RESPONSE, driven
 
 # [cells] Largest gap of a candidate contact. Candidates are selected in every iteration: a contact that an iteration
@@ -258,7 +258,7 @@ class ContactIterate:
             return "contacts not solved yet"
         diagonal = self.known.scale.diagonal_of(self.constraints)
         residuals = coulomb.residuals(self.lifted, self.u, self.constraints.friction, diagonal)
-        return pair(self.constraints.bodies[:, np.argmax(residuals)])
+        return of_contact(self.constraints, int(np.argmax(residuals)), self.problem.increment.grid.cell)
 
     def at(self, w: Array) -> ContactIterate:
         """The contact problem linearised about another velocity."""

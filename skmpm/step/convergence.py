@@ -7,11 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from skmpm.arrays import Array
+from skmpm.linear import NotPositiveDefinite
 from skmpm.step.contact_problem import ContactIterate
 from skmpm.step.equations import Increment
-from skmpm.step.errors import StepRejected, indefinite, worst_body
+from skmpm.step.errors import StepRejected, at_node, too_few_points, worst_body
 from skmpm.step.matrix import check_stiffness
 from skmpm.step.rotation import MAX_DRIFT
+from skmpm.step.terms import Configuration
 
 # Iterations with contacts after which it is given up unless one of them came closer to convergence: two to four are
 # usual; contacts that snap by a cell take 20 to 30, most of them on a plateau of up to eight. From 10 to 40
@@ -73,7 +75,7 @@ def unmet_criteria(
 def _largest(increment: Increment, contact: ContactIterate | None, out_of_balance: Array) -> str:
     """The body with the largest out-of-balance impulse, or what has no grid and a larger one."""
     free = increment.on_free_dofs(out_of_balance)
-    body, impulse = worst_body(increment.grid, increment.on_nodes(free))
+    body, impulse = worst_body(increment.grid, increment.on_nodes(free), increment.displacement_at_start)
     each = np.nan_to_num(np.abs(increment.of_scalars(free)), nan=np.inf)
     if not each.size or each.max() < impulse:
         return body
@@ -87,6 +89,27 @@ def not_converged(increment: Increment, limit: int, unmet: list[tuple[str, str]]
     try:
         check_stiffness(increment)
     except np.linalg.LinAlgError as error:
-        return indefinite(increment.grid, error)
-    criteria = ", ".join(f"{problem} at {where}" for where, problem in unmet)
-    return StepRejected(unmet[0][0], f"no convergence in {limit} Newton iterations: {criteria}")
+        return too_few_points(increment.grid, error)
+    (where, criteria), *others = unmet
+    criteria = ", ".join([criteria, *(f"{problem} at {place}" for place, problem in others)])
+    return StepRejected(where, f"no convergence in {limit} Newton iterations: {criteria}")
+
+
+def not_definite(increment: Increment, configuration: Configuration, error: np.linalg.LinAlgError) -> StepRejected:
+    """The error of a matrix that nothing makes definite: too few points, or else the largest stretches."""
+    grid = increment.grid
+    try:
+        check_stiffness(increment)
+    except np.linalg.LinAlgError as unstressed:
+        return too_few_points(grid, unstressed)
+    if not isinstance(error, NotPositiveDefinite):
+        return StepRejected("all bodies", str(error))
+    stretches = np.linalg.svd(configuration.F.transpose(2, 0, 1), compute_uv=False)
+    strain = np.abs(np.log(stretches)).max(axis=1)
+    worst = int(np.argmax(np.where(grid.cell_body[grid.cell_of_point] == error.bodies[0], strain, -1.0)))
+    most, least = stretches[worst]
+    return StepRejected(
+        at_node(grid, int(grid.nodes_of_cell[0, grid.cell_of_point[worst]]), configuration.displacement),
+        f"its matrix is not positive definite as it is deformed, with stretches of {least:.3g} and {most:.3g} here",
+        "use a law that does not soften at these strains, smaller loads, or a smaller dt",
+    )

@@ -25,7 +25,7 @@ from skmpm.arrays import EXACT, Array, Bools
 from skmpm.scene import PrescribedVelocities
 from skmpm.step.contact_problem import ContactIterate
 from skmpm.step.equations import Increment
-from skmpm.step.errors import StepRejected, pair
+from skmpm.step.errors import StepRejected, of_contact
 from skmpm.step.newton import Solution
 from skmpm.step.terms import Configuration
 
@@ -67,7 +67,7 @@ def after_impact(increment: Increment, contact: ContactIterate, v: Array) -> tup
     if not info.converged:
         worst = int(np.argmax(coulomb.residuals(after, u + W @ rho, some.friction, W.diagonal())))
         raise StepRejected(
-            pair(some.bodies[:, worst]),
+            of_contact(some, worst, increment.grid.cell),
             f"the contact solver did not converge for the velocities of {some.size} contacts at the end of the step:"
             f" residual {info.residual:.2g} (tolerance {tol:g}) here",
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from skmpm.arrays import Array, Ints
+from skmpm.contact import Constraints
 from skmpm.grid import BodyGrids
 from skmpm.linear import NotPositiveDefinite
 
@@ -23,15 +24,29 @@ class StepRejected(RuntimeError):  # noqa: N818
         self.retryable = retryable  # whether a smaller dt may help
 
 
-def worst_body(grid: BodyGrids, imbalance: Array) -> tuple[str, float]:
-    """The body with the largest share of an out-of-balance impulse (2 nodes,), as text, and that share."""
-    square = np.nan_to_num(imbalance, nan=np.inf) ** 2
-    each = grid.sums(square.reshape(-1, 2).T).sum(axis=0)
-    return f"body {int(np.argmax(each))}", float(np.sqrt(each.max()))
+def place(x: Array, cell: float) -> str:
+    """A position (2,), to a thousandth of a cell, as text."""
+    x0, x1 = cell * np.round(x / cell, 3) + 0.0  # no -2e-17
+    return f"({x0:.6g}, {x1:.6g}) m"
 
 
-def indefinite(grid: BodyGrids, error: np.linalg.LinAlgError) -> StepRejected:
-    """The error of a failed Cholesky factorisation."""
+def at_node(grid: BodyGrids, node: int, displacement: Array) -> str:
+    """The body of a node, and the position of the node at a displacement (2 nodes,), as text."""
+    x = grid.position[:, node] + displacement.reshape(-1, 2)[node]
+    return f"body {grid.node_body[node]} near {place(x, grid.cell)}"
+
+
+def worst_body(grid: BodyGrids, imbalance: Array, displacement: Array) -> tuple[str, float]:
+    """The body with the largest share of an out-of-balance impulse (2 nodes,) and its worst node; and that share."""
+    square = np.nan_to_num(imbalance, nan=np.inf).reshape(-1, 2).T ** 2
+    each = grid.sums(square).sum(axis=0)
+    b = int(np.argmax(each))
+    node = int(np.argmax(np.where(grid.node_body == b, square.sum(axis=0), -1.0)))
+    return at_node(grid, node, displacement), float(np.sqrt(each.max()))
+
+
+def too_few_points(grid: BodyGrids, error: np.linalg.LinAlgError) -> StepRejected:
+    """The error of a matrix that cannot be factorised even free of stress."""
     if not isinstance(error, NotPositiveDefinite):
         return StepRejected("all bodies", str(error))
     b = int(error.bodies[0])
@@ -43,6 +58,11 @@ def indefinite(grid: BodyGrids, error: np.linalg.LinAlgError) -> StepRejected:
         "use a smaller spacing of its points, a larger cell or a larger Scheme.ghost, or a smaller dt where it is"
         " deformed much",
     )
+
+
+def of_contact(constraints: Constraints, contact: int, cell: float) -> str:
+    """The two bodies at a contact, and its position, as text."""
+    return f"{pair(constraints.bodies[:, contact])} near {place(constraints.x[:, contact], cell)}"
 
 
 def pair(bodies: Ints) -> str:

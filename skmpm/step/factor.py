@@ -17,8 +17,8 @@ from skmpm.linear import Delassus, Solver
 from skmpm.scene import Factored, Scene, State
 from skmpm.scheme import Scheme
 from skmpm.step.contact_problem import ContactIterate
+from skmpm.step.convergence import not_definite
 from skmpm.step.equations import Increment
-from skmpm.step.errors import indefinite
 from skmpm.step.matrix import coupled, solver_of
 from skmpm.step.rotation import matrix_turns, turned_solver
 from skmpm.step.terms import Configuration
@@ -55,7 +55,7 @@ def factorise(increment: Increment, configuration: Configuration, *, in_contact:
     try:
         solver = coupled(increment, configuration, solver_of(increment, configuration, in_contact=in_contact))
     except np.linalg.LinAlgError as error:
-        raise indefinite(increment.grid, error) from error
+        raise not_definite(increment, configuration, error) from error
     return Factor(solver, configuration.displacement, matrix_turns(increment), in_contact)
 
 

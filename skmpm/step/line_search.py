@@ -65,6 +65,6 @@ def _search(
             return trial, trial_configuration
         length *= 0.5
     raise StepRejected(
-        worst_body(increment.grid, increment.on_nodes(gradient))[0],
+        worst_body(increment.grid, increment.on_nodes(gradient), increment.displacement_at_start)[0],
         "the line search found no step length that lowers the energy and keeps det F > 0 at all points",
     )

@@ -8,7 +8,7 @@ from skmpm.arrays import Array
 from skmpm.contact import Constraints
 from skmpm.outline.curve import CORNER_COSINE
 from skmpm.step.equations import Increment
-from skmpm.step.errors import StepRejected
+from skmpm.step.errors import StepRejected, place
 from skmpm.step.newton import Solution
 from skmpm.step.rotation import RigidMotion
 
@@ -56,8 +56,8 @@ def _motion(increment: Increment, motion: RigidMotion, solution: Solution, body:
     else:
         verb = "topples" if corners else "rolls"
         most = max(corners, key=lambda each: normal[each], default=most)
-    place = _place(constraints, most, increment.grid.cell)
-    return f"{verb} on {_other(constraints, most, body)} at {place}", remedy
+    at = place(constraints.x[:, most], increment.grid.cell)
+    return f"{verb} on {_other(constraints, most, body)} at {at}", remedy
 
 
 def _other(constraints: Constraints, contact: int, body: int) -> str:
@@ -65,12 +65,6 @@ def _other(constraints: Constraints, contact: int, body: int) -> str:
     first, second = constraints.bodies[:, contact].tolist()
     other = first if second == body else second
     return f"wall {-1 - other}" if other < 0 else f"body {other}"
-
-
-def _place(constraints: Constraints, contact: int, cell: float) -> str:
-    """The position of a contact, as text."""
-    x, y = cell * np.round(constraints.x[:, contact] / cell, 3) + 0.0  # no -2e-17
-    return f"({x:.4g}, {y:.4g}) m"
 
 
 def at_corner(increment: Increment, constraints: Constraints, contact: int) -> bool:

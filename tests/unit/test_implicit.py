@@ -243,9 +243,13 @@ def test_a_failure_names_the_criteria_that_are_not_met_and_no_other(iterations, 
     scene, scheme = squeezed(), Scheme.accurate(max_newton=iterations)
     with pytest.raises(StepFailed, match=r"no convergence in \d Newton iterations: ") as failure:
         step(scene, last(scene, 4), dt, scheme=scheme)
-    found = re.findall(r"(?:force|residual) (\S+) \(tolerance (\S+?)\) at (?:body|bodies) \d", str(failure.value))
+    found = re.findall(r"(?:force|residual) (\S+) \(tolerance (\S+?)\)", str(failure.value))
     assert found
     assert all(float(value) > float(tolerance) for value, tolerance in found)
+    found = np.array(re.findall(r"(?:body|bodies) \d.*? near \((\S+), (\S+)\) m", str(failure.value)), dtype=float)
+    assert found.size
+    points, places = failure.value.state.x.T, found[:, None]
+    assert (np.linalg.norm(places - points, axis=2).min(axis=1) < np.sqrt(2.0) * scene.cell).all()
 
 
 def test_pressed_bodies_in_long_steps_get_mass_before_a_factorisation_fails(monkeypatch):
@@ -382,6 +386,6 @@ def test_an_initial_guess_that_inverts_points_is_replaced():
 def test_failure_reports_the_out_of_balance_force_and_keeps_the_state():
     scene = squeezed()
     start = initial(scene)
-    with pytest.raises(StepFailed, match=r"body \d: .*out-of-balance force .*smaller dt") as failure:
+    with pytest.raises(StepFailed, match=r"body \d near .*: .*out-of-balance force .*smaller dt") as failure:
         step(replace(scene, friction=0.5), start, 8e-6, scheme=Scheme(max_newton=1))
     assert failure.value.state.t == start.t

@@ -1,5 +1,6 @@
 """Steps are pure functions, runs end at `until`, and motions agree with closed forms of the time scheme."""
 
+import re
 from dataclasses import fields, is_dataclass, replace
 from importlib import import_module
 from itertools import pairwise
@@ -9,7 +10,7 @@ import pytest
 
 import skmpm
 from skmpm.io import load, save
-from skmpm.material import LinearElastic, NeoHookean
+from skmpm.material import LinearElastic, NeoHookean, Yeoh
 from skmpm.points import Points, box, disc
 from skmpm.scene import Body, Load, Scene, SceneError, StepFailed, Support, Wall
 from skmpm.scheme import Scheme
@@ -265,6 +266,19 @@ def test_too_few_points_are_named_where_the_matrix_is_not_positive_definite():
     )
     with pytest.raises(StepFailed, match=message):
         step(scene, initial(scene), 1.0, scheme=Scheme(inertia=False))
+
+
+def test_a_body_that_softens_is_not_said_to_have_too_few_points():
+    """The place with the largest stretches is named: they are beyond the stretch at which its law has a peak."""
+    soft = Yeoh(c10=1e5, c20=-5e4, c30=0.0, bulk=1e6, density=1000.0)
+    held = [Support(lambda x: x[1] < 0.11), Support(lambda x: x[1] > 0.89, velocity=(0.0, 1.0))]
+    scene = Scene([Body(box((0, 0), (1.0, 1.0), spacing=0.1), soft)], cell=0.2, supports=held)
+    says = r"body 0 near \((\S+), (\S+)\) m: its matrix is not positive definite as it is deformed, with stretches of"
+    with pytest.raises(StepFailed, match=says + r" (\S+) and (\S+) here; use a law that does not soften") as failure:
+        skmpm.run(scene, dt=0.05, until=0.5, scheme=Scheme(inertia=False), warn=False)
+    x, y, least, most = map(float, re.search(says + r" (\S+) and (\S+)", str(failure.value)).groups())
+    assert np.hypot(*(failure.value.state.x - [[x], [y]])).min() < np.sqrt(2.0) * scene.cell
+    assert least < 0.7 and most > 1.4
 
 
 def indefinite(A, blocks, motions):
