@@ -37,15 +37,7 @@ from skmpm.step.regrid import check_connected
 from skmpm.stepping.functions_of_time import TIMES
 from skmpm.stepping.step_control import RetrySummary, advance_with_chosen_step, advance_with_retries, with_step
 from skmpm.stepping.step_length import Pace, pace_of
-from skmpm.stepping.watches import (
-    PressureWatch,
-    RegriddingWatch,
-    RotationWatch,
-    ShakingWatch,
-    StrokeWatch,
-    Watch,
-    first_warnings,
-)
+from skmpm.stepping.watches import first_warnings, watches_of
 
 CHECKPOINT_EVERY = 30.0  # [s] of wall time
 SLOW = 1e-3  # kinetic over elastic energy, below which a packing counts as quasi-static
@@ -235,9 +227,7 @@ def _run(
     """The loop of `simulate`."""
     saved, retried = perf_counter(), RetrySummary()
     times = None if pace is None else np.linspace(state.step_control.began, until, TIMES)
-    shaking = ShakingWatch(scene, scheme, state.report.dt, times)
-    stroke = StrokeWatch(scene, state.t, wanted=pace is None)
-    watches: list[Watch] = [PressureWatch(scene, scheme), RegriddingWatch(), RotationWatch(scene), shaking, stroke]
+    watches = list(watches_of(scene, scheme, state, times))
     try:
         with Progress(scene, state, until, shown=progress) as bar, exit_at_sigterm(wanted=checkpoint is not None):
             while until - state.t > ROUND_OFF * _usual_step(state):

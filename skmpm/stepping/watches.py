@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import Any, NamedTuple, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from skmpm.arrays import Array, Ints
 from skmpm.material import is_linear, youngs_modulus
 from skmpm.scene import Scene, State
 from skmpm.scheme import Scheme, averages_dilatation
-from skmpm.stepping.functions_of_time import Function, values_at
+from skmpm.stepping.functions_of_time import values_at
 from skmpm.stepping.loading import SLOPE, strongest_gravity
 
 # Mean pressure of the points of a body over its modulus. Confined on all sides, bodies with mean dilatation lose
@@ -39,91 +39,86 @@ MAX_STRAY, STRAY_SHARE = 0.05, 0.01
 SHARES = np.linspace(0.0625, 0.9375, 8)
 
 
-class Watch(Protocol):
-    """What is asked at every state of a run, until it warns."""
+Watch = Callable[[State], str]  # what to warn of at a state of a run; empty for nothing
 
-    def warning(self, state: State) -> str:
-        """What to warn of at a state; empty for nothing."""
-        ...
+
+def watches_of(scene: Scene, scheme: Scheme, state: State, times: Array | None) -> Iterator[Watch]:
+    """What is asked at every state of a run that begins from a state, until it warns.
+
+    `times` [s] are those of the run, at which gravity is looked at, where steps are chosen; None where dt is given.
+    """
+    moduli = _confined_moduli(scene, scheme)
+    if np.isfinite(moduli).any():
+        yield partial(_pressure, moduli)
+    yield _regridding
+    linear = np.flatnonzero([any(map(is_linear, body.materials)) for body in scene.bodies])
+    if linear.size:
+        yield partial(_rotation, linear)
+    if times is None:
+        yield _Stroke(scene, state.t)
+    elif scheme.inertia:
+        yield _Shaking(scene, state.report.dt, strongest_gravity(scene, times))
 
 
 def first_warnings(watches: list[Watch], state: State) -> Iterator[str]:
     """The warnings at a state of watches, which are then removed from the list: each warns once in a run."""
     for watch in tuple(watches):
-        if text := watch.warning(state):
+        if text := watch(state):
             watches.remove(watch)
             yield text
 
 
-class PressureWatch:
-    """Finds the first body under such a pressure in a run, where volumes of cells are those at the points.
+def _confined_moduli(scene: Scene, scheme: Scheme) -> Array:
+    """The least modulus of each body whose volumes of cells are those at the points, (bodies,) [Pa]; inf of others.
 
     With moment fitting they are exact (`moment_fitting.fitted_places`), and nothing is looked at, nor are bodies
     without mean dilatation.
     """
-
-    def __init__(self, scene: Scene, scheme: Scheme) -> None:
-        moduli = np.full(len(scene.bodies), np.inf)
-        for b, body in enumerate(scene.bodies):
-            fitted = scheme.moment_fitting and scene.outlined[b]
-            if not fitted and any(averages_dilatation(scheme, material) for material in body.materials):
-                moduli[b] = min(map(youngs_modulus, body.materials))
-        self._moduli = moduli
-        self._none = not np.isfinite(moduli).any()
-
-    def warning(self, state: State) -> str:
-        """What to warn of at a state; empty for nothing."""
-        if self._none:
-            return ""
-        trace = np.bincount(state.body, state.volume * (state.stress[0, 0] + state.stress[1, 1]))
-        pressure = -0.5 * trace / np.bincount(state.body, state.volume) / self._moduli
-        b = int(np.argmax(pressure))
-        if pressure[b] <= MAX_PRESSURE:
-            return ""
-        return (
-            f"body {b}: at t = {state.t:.6g} s the mean pressure in it is {pressure[b]:.2g} times its modulus; from"
-            " about twice on, points of confined bodies leave the volumes of their cells, and forces are far too"
-            " small: press less, or give the body an outline and use Scheme(moment_fitting=True)"
-        )
+    moduli = np.full(len(scene.bodies), np.inf)
+    for b, body in enumerate(scene.bodies):
+        fitted = scheme.moment_fitting and scene.outlined[b]
+        if not fitted and any(averages_dilatation(scheme, material) for material in body.materials):
+            moduli[b] = min(map(youngs_modulus, body.materials))
+    return moduli
 
 
-class RegriddingWatch:
-    """Finds the first step of a run in which new body grids have added energy, which no check of steps counts."""
+def _pressure(moduli: Array, state: State) -> str:
+    """Find the body under the largest pressure over its modulus (bodies,) [Pa]."""
+    trace = np.bincount(state.body, state.volume * (state.stress[0, 0] + state.stress[1, 1]))
+    pressure = -0.5 * trace / np.bincount(state.body, state.volume) / moduli
+    b = int(np.argmax(pressure))
+    if pressure[b] <= MAX_PRESSURE:
+        return ""
+    return (
+        f"body {b}: at t = {state.t:.6g} s the mean pressure in it is {pressure[b]:.2g} times its modulus; from"
+        " about twice on, points of confined bodies leave the volumes of their cells, and forces are far too"
+        " small: press less, or give the body an outline and use Scheme(moment_fitting=True)"
+    )
 
-    def warning(self, state: State) -> str:
-        """What to warn of at a state; empty for nothing."""
-        energy = state.report.energy
-        share = energy.regridding / max(energy.largest, 1e-300)
-        if share <= MAX_REGRIDDING:
-            return ""
-        return (
-            f"until t = {state.t:.6g} s new body grids have added energy (Energy.regridding), {share:.2g} of the"
-            " largest that bodies had: use anchor = inf, or more points in a cell"
-        )
+
+def _regridding(state: State) -> str:
+    """Find that new body grids have added energy, which no check of steps counts."""
+    energy = state.report.energy
+    share = energy.regridding / max(energy.largest, 1e-300)
+    if share <= MAX_REGRIDDING:
+        return ""
+    return (
+        f"until t = {state.t:.6g} s new body grids have added energy (Energy.regridding), {share:.2g} of the"
+        " largest that bodies had: use anchor = inf, or more points in a cell"
+    )
 
 
-class RotationWatch:
-    """Finds the first body of a linear material that has turned: a rotation by a changes its area by a^2."""
-
-    def __init__(self, scene: Scene) -> None:
-        self._linear = np.flatnonzero([any(map(is_linear, body.materials)) for body in scene.bodies])
-        self._anchor: Array = np.zeros(0)  # the last F_anchor
-        self._before: NDArray[np.complexfloating] = np.zeros(0, dtype=complex)  # rotations of bodies in it
-
-    def warning(self, state: State) -> str:
-        """What to warn of at a state; empty for nothing."""
-        if not self._linear.size:
-            return ""
-        if state.F_anchor is not self._anchor:
-            self._anchor, self._before = state.F_anchor, _rotations(state.F_anchor, state.body)
-        turned = np.abs(np.angle(_rotations(state.F, state.body) * self._before.conj()))
-        b = int(self._linear[np.argmax(turned[self._linear])])
-        if turned[b] <= MAX_LINEAR_ROTATION:
-            return ""
-        return (
-            f"body {b}: at t = {state.t:.6g} s it has turned by {turned[b]:.2g} rad, which its linear material takes"
-            f" for a strain of {0.5 * turned[b] ** 2:.2g}: use NeoHookean with the same constants"
-        )
+def _rotation(linear: Ints, state: State) -> str:
+    """Find the body of a linear material, of some, that has turned most: a rotation by a changes its area by a^2."""
+    now, before = (_rotations(F, state.body) for F in (state.F, state.F_anchor))
+    turned = np.abs(np.angle(now * before.conj()))
+    b = int(linear[np.argmax(turned[linear])])
+    if turned[b] <= MAX_LINEAR_ROTATION:
+        return ""
+    return (
+        f"body {b}: at t = {state.t:.6g} s it has turned by {turned[b]:.2g} rad, which its linear material takes"
+        f" for a strain of {0.5 * turned[b] ** 2:.2g}: use NeoHookean with the same constants"
+    )
 
 
 def _rotations(F: Array, body: Ints) -> NDArray[np.complexfloating]:
@@ -131,13 +126,13 @@ def _rotations(F: Array, body: Ints) -> NDArray[np.complexfloating]:
     return np.asarray(np.bincount(body, F[0, 0] + F[1, 1]) + 1j * np.bincount(body, F[1, 0] - F[0, 1]))
 
 
-class StrokeWatch:
+class _Stroke:
     """Finds what moves in steps of a given length by other than the integral of its velocity, as where that jumps.
 
     Steps take velocities at their middles.
     """
 
-    def __init__(self, scene: Scene, t: float, *, wanted: bool) -> None:
+    def __init__(self, scene: Scene, t: float) -> None:
         self._t = t  # at the end of the step before [s]
         named: list[tuple[str, Any]] = [
             *((f"wall {i}", _given(scene, i)) for i in range(len(scene.walls))),
@@ -145,11 +140,10 @@ class StrokeWatch:
             *((f"support {i}", held.velocity) for i, held in enumerate(scene.supports) if held.displacement is None),
         ]
         self._cell = scene.cell
-        self._moving: list[tuple[str, Any]] = [(name, f) for name, f in named if wanted and callable(f)]
+        self._moving = [(name, f) for name, f in named if callable(f)]
         self._paths = np.zeros((3, 2, len(self._moving)))  # moved, integral, integral of the magnitude [m]
 
-    def warning(self, state: State) -> str:
-        """What to warn of at a state; empty for nothing."""
+    def __call__(self, state: State) -> str:
         dt, began = state.report.dt, self._t
         self._t = state.t
         for k, (name, f) in enumerate(self._moving):
@@ -178,72 +172,40 @@ def _given(scene: Scene, i: int) -> Any:
     return lambda t: along * (along @ np.asarray(velocity(t), dtype=float))
 
 
-class Floor(NamedTuple):
-    """What may shake under a body."""
-
-    name: str
-    velocity: Function
-    carries: Callable[[State], bool]  # whether something rests on it
-
-
-class ShakingWatch:
+class _Shaking:
     """Finds the first chosen step in which what shakes under a body accelerates by other than its function of time.
 
     The velocity is constant within a step. Its jump between two steps is that of an acceleration over the mean of
-    their lengths, but the inertial force is computed with the length of the second one. `times` [s] are those of the
-    run, at which gravity is looked at.
+    their lengths, but the inertial force is computed with the length of the second one. Looked at are walls below
+    bodies and rigid bodies, if something rests on them, which presses rigid bodies along gravity (2,) [m/s2].
     """
 
-    def __init__(self, scene: Scene, scheme: Scheme, before: float, times: Array | None) -> None:
+    def __init__(self, scene: Scene, before: float, gravity: Array) -> None:
         self._before = before  # length of the step before [s]
-        self._floors: list[Floor] = []
-        if times is None or not scheme.inertia:
-            return
-        gravity = strongest_gravity(scene, times)
-        self._weight = float(np.hypot(*gravity))
-        if self._weight > 0.0:
-            self._floors = [*_walls(scene, gravity), *_rigid_bodies(scene, gravity)]
+        self._gravity, self._weight = gravity, float(np.hypot(*gravity))
+        below = scene.normals.T @ gravity < -SLOPE * self._weight
+        named: list[tuple[str, int, Any]] = [
+            *(("wall", i, wall.velocity) for i, wall in enumerate(scene.walls) if below[i]),
+            *(("body", b, body.motion) for b, body in enumerate(scene.bodies)),
+        ]
+        self._floors = [floor for floor in named if callable(floor[-1])]
 
-    def warning(self, state: State) -> str:
-        """What to warn of at a state; empty for nothing."""
+    def __call__(self, state: State) -> str:
         dt, before = state.report.dt, self._before
         self._before = dt
         short, middle = SHORT * dt, state.t - 0.5 * dt
         share = 0.5 * abs(before / dt - 1.0) if before else 0.0
-        for floor in self._floors:
-            if share == 0.0 or not floor.carries(state):
+        for kind, i, velocity in self._floors if share > 0.0 else ():
+            carries = state.wall_force[i].any() if kind == "wall" else state.body_force[:, i] @ self._gravity > 0.0
+            if not carries:
                 continue
-            change = np.diff(values_at(floor.velocity, middle + short * np.array([-1.0, 1.0])), axis=0)[0]
+            change = np.diff(values_at(velocity, middle + short * np.array([-1.0, 1.0])), axis=0)[0]
             acceleration = float(np.hypot(*change[:2])) / (2.0 * short)
             if share * acceleration > MAX_JOLT * self._weight:
                 off = share * acceleration / self._weight
                 return (
-                    f"{floor.name}: at t = {state.t:.6g} s it accelerates by {acceleration:.3g} m/s2 in a chosen"
+                    f"{kind} {i}: at t = {state.t:.6g} s it accelerates by {acceleration:.3g} m/s2 in a chosen"
                     f" step, {dt / before:.2g} times as long as the one before: forces on what it carries are off"
                     f" by {off:.2g} of its weight, so that it may lift off or slip; give dt"
                 )
         return ""
-
-
-def _walls(scene: Scene, gravity: Array) -> Iterator[Floor]:
-    """Walls below bodies whose velocity is a function of time."""
-    below = scene.normals.T @ gravity < -SLOPE * np.hypot(*gravity)
-    for i, wall in enumerate(scene.walls):
-        if below[i] and callable(wall.velocity):
-            yield Floor(f"wall {i}", wall.velocity, partial(_wall_carries, i))
-
-
-def _wall_carries(i: int, state: State) -> bool:
-    return bool(state.wall_force[i].any())
-
-
-def _rigid_bodies(scene: Scene, gravity: Array) -> Iterator[Floor]:
-    """Rigid bodies whose motion is a function of time; what rests on one presses it along gravity."""
-    for b, body in enumerate(scene.bodies):
-        if callable(body.motion):
-            motion: Any = body.motion  # components that are free are None
-            yield Floor(f"body {b}", motion, partial(_body_carries, b, gravity))
-
-
-def _body_carries(b: int, gravity: Array, state: State) -> bool:
-    return bool(state.body_force[:, b] @ gravity > 0.0)
