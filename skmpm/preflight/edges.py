@@ -20,7 +20,7 @@ ROUND_ENOUGH = 1.02  # of the least radius: what is advised, since chords of an 
 
 
 def edge_radii(m: SceneMetrics) -> Reading | None:
-    """Radii of the sharpest edges of rigid bodies that meet deformable ones without inertia [cells]; 0 at corners.
+    """Radii of the edges of rigid bodies that meet deformable ones without inertia [cells]; 0 at corners.
 
     At corners the boundary turns by more than 50 degrees, however far apart its points are; on arcs with points 0.8
     radii apart it turns by 46.
@@ -36,13 +36,10 @@ def edge_radii(m: SceneMetrics) -> Reading | None:
     radius = np.where(convex[edge], 0.0, 1.0 / np.maximum(bends[edge], 1e-300))
     met = _ahead(scene, scene.outlines.point[edge], outline.normals(scene.outlines, x)[:, edge], _reach(m))
     found, soft = np.nonzero(met)
-    order = np.lexsort([radius[found], scene.outlines.body[edge[found]]])
-    body, first = np.unique(scene.outlines.body[edge[found[order]]], return_index=True)
-    sharpest, soft = found[order][first], soft[order][first]
-    place = x[:, edge[sharpest]]
-    facts = {"x": place[0], "y": place[1], "soft": soft}
+    at, radius = edge[found], radius[found] / m.cell
+    facts = {"x": x[0, at], "y": x[1, at], "soft": soft}
     facts |= {"radius": ceiled(advised), "spacing": floored(0.8 * advised)}
-    return Reading(body, radius[sharpest] / m.cell, facts=facts)
+    return Reading(scene.outlines.body[at], radius, facts=facts)
 
 
 def _reach(m: SceneMetrics) -> float:

@@ -96,7 +96,7 @@ class Limit:
         if reading is None or not len(reading.places):
             return None
         values = np.broadcast_to(np.asarray(reading.values, dtype=float), len(reading.places))
-        count = int(self.beyond(values).sum())
+        count = np.unique(np.asarray(reading.places)[self.beyond(values)]).size
         if count == 0:
             return None
         k = int(np.nanargmin(values) if self.least else np.nanargmax(values))

@@ -32,7 +32,10 @@ STEPS = 1000  # over which the rotation of a spinning body is extrapolated
 
 
 class Reading(NamedTuple):
-    """Values of a quantity with their places: bodies by their numbers, anything else by its name."""
+    """Values of a quantity with their places: bodies by their numbers, anything else by its name.
+
+    A body may have several values, and counts once.
+    """
 
     places: Sequence[str] | Ints
     values: ArrayLike = 1.0  # (places,), or one for all
@@ -109,16 +112,13 @@ def inclined_parts(m: SceneMetrics) -> Reading:
 
 
 def tips(m: SceneMetrics) -> Reading | None:
-    """Angles of the sharpest tips of bodies that may meet others, over a cell to either side [degrees]."""
+    """Angles of bodies that may meet others at their boundary points, over a cell to either side [degrees]."""
     if not m.touches or acts_at_grid_nodes(m.scheme.contact):
         return None
     boundary, x = m.scene.outlines, m.boundary
-    angle = np.rad2deg(tip_angles(boundary, x, m.cell))
-    own = np.flatnonzero(m.scene.deformable[boundary.body])
-    sharpest = own[np.lexsort([angle[own], boundary.body[own]])]
-    body, first = np.unique(boundary.body[sharpest], return_index=True)
-    at = sharpest[first]
-    return Reading(body, angle[at], facts={"x": x[0, at], "y": x[1, at], "radius": f"{0.5 * m.cell:.3g}"})
+    at = np.flatnonzero(m.scene.deformable[boundary.body])
+    angle = np.rad2deg(tip_angles(boundary, x, m.cell)[at])
+    return Reading(boundary.body[at], angle, facts={"x": x[0, at], "y": x[1, at], "radius": f"{0.5 * m.cell:.3g}"})
 
 
 def waves(m: SceneMetrics) -> Reading | None:
@@ -200,8 +200,7 @@ def rotation(m: SceneMetrics) -> Reading:
     """Rotations of bodies at small strain that spin, in many steps or until their grids are built again [rad]."""
     linear = made_of(m, is_linear, steps=STEPS)
     _, C = initial_motion(m.scene)
-    turn = np.zeros(m.points.size)
-    np.maximum.at(turn, m.scene.owner, 0.5 * m.dt * np.abs(C[1, 0] - C[0, 1]))
+    turn = np.maximum.reduceat(0.5 * m.dt * np.abs(C[1, 0] - C[0, 1]), m.scene.offsets[:-1])
     return linear._replace(values=np.minimum(STEPS * turn[np.asarray(linear.places)], m.scheme.anchor))
 
 
