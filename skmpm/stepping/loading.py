@@ -11,12 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from itertools import chain
 
 import numpy as np
 
 from skmpm.arrays import ROUND_OFF, Array
-from skmpm.scene import Scene, gravity_at
+from skmpm.scene import Scene, centres, gravity_at
 from skmpm.step.driven import driven, driven_by_force
 from skmpm.step.initial_state import initial_motion
 
@@ -47,8 +46,7 @@ def loading_of(scene: Scene, times: Iterable[float] = (0.0,), inertia: bool = Tr
     strongest = strongest_gravity(scene, times)
     # At the start where loads or springs act, too: what these cause when gravity has been applied is to be resolved.
     g = gravity_of(scene, times[0]) if scene.loads or scene.springs else strongest
-    each = [(list(driven_by_force(scene, t)), list(driven(scene, t))) for t in times]
-    every = chain(*(chain(*both) for both in each))
+    every = (named for t in times for moved in (driven_by_force, driven) for named in moved(scene, t))
     name, prescribed = max(every, key=lambda named: named[1], default=("", 0.0))
     own = float(np.linalg.norm(v[:, scene.movable[scene.owner]], axis=0).max()) if inertia else 0.0
     height = free_height(scene, g) if scene.can_touch else 0.0
@@ -94,11 +92,9 @@ def settling(scene: Scene, g: Array) -> float:
 
     A fall that ends slower, from less than half of rho g L^2 / (lambda + 2 mu), moves it less than that.
     """
-    along = g @ scene.initial_positions
-    low, high = np.full(len(scene.bodies), np.inf), np.full(len(scene.bodies), -np.inf)
-    np.minimum.at(low, scene.owner, along)
-    np.maximum.at(high, scene.owner, along)
-    return float((high - low)[scene.deformable].max()) / scene.fastest_wave
+    along, start = g @ scene.initial_positions, scene.offsets[:-1]
+    height = np.maximum.reduceat(along, start) - np.minimum.reduceat(along, start)
+    return float(height[scene.deformable].max()) / scene.fastest_wave
 
 
 def gravity_of(scene: Scene, t: float = 0.0) -> Array:
@@ -131,21 +127,14 @@ def free_height(scene: Scene, g: Array) -> float:
         if normal @ down < -SLOPE
     ]
     below = np.min(floors, axis=0) if floors else (down @ x).max() - down @ x
-    least = np.full(len(scene.bodies), np.inf)
-    np.minimum.at(least, scene.owner, below)
+    least = np.minimum.reduceat(below, scene.offsets[:-1])
     return max(0.0, float(least[scene.movable].max()))
 
 
 def smallest_radii(scene: Scene) -> Array:
     """Radii of the deformable bodies [m]: twice their smallest radii of gyration, which is a disc's radius."""
-    bodies, body = len(scene.bodies), scene.owner
-    volume, x = scene.initial_volumes, scene.initial_positions
-
-    def mean(values: Array) -> Array:
-        total = np.bincount(body, volume * values, bodies)
-        return np.asarray(total / np.bincount(body, volume, bodies))
-
-    arm = x - np.stack([mean(x[0]), mean(x[1])])[:, body]
-    xx, xy, yy = mean(arm[0] ** 2), mean(arm[0] * arm[1]), mean(arm[1] ** 2)
+    x, volume, body = scene.initial_positions, scene.initial_volumes, scene.owner
+    arm = x - centres(x, volume, body)[:, body]
+    xx, xy, yy = centres(np.stack([arm[0] ** 2, arm[0] * arm[1], arm[1] ** 2]), volume, body)  # means, as centres are
     least = 0.5 * (xx + yy) - np.hypot(0.5 * (xx - yy), xy)
     return np.asarray(2.0 * np.sqrt(least[scene.deformable]))
