@@ -161,7 +161,9 @@ def suggest(
     """
     check_scene("suggest", scene)
     loading = loading_of(scene, _times(scene, until), inertia=scheme.inertia)
-    radius, measured = disc_radii(scene)[scene.deformable], ~_slender(scene)
+    disc = disc_radii(scene)[scene.deformable]
+    slender = scene.thickness[scene.deformable] < disc  # with a part that bends: strips, lips, rings
+    radius, measured = disc, ~slender
     if loading.kind == "bending":
         radius, measured = smallest_radii(scene), np.ones_like(measured)
     paced = scheme.inertia or not loading.waves
@@ -176,7 +178,7 @@ def suggest(
     sharper = (SHARPEST * radius < rounded) & (rounded < radius * (1.0 - ROUND_OFF))
     radius, measured = np.where(sharper, rounded, radius), measured | sharper
     size = float(radius.min())
-    cell = float(min(radius[measured].min(initial=np.inf) / n, _coarsest(scene, error)))
+    cell = float(min(radius[measured].min(initial=np.inf) / n, _coarsest(scene, error, disc, slender)))
     cell = _with_interfaces(scene, cell, error)
     if max(map(poisson_ratio, scene.materials)) > LIMITS["nu with few points"].value:
         spacing = min(spacing, 0.5)
@@ -205,20 +207,18 @@ def _measured_as(scene: Scene, kind: str) -> str:
     return kind
 
 
-def _coarsest(scene: Scene, error: float) -> float:
-    """The largest cell without warnings of `preflight`, and in which thin parts bend with at most this error [m]."""
+def _coarsest(scene: Scene, error: float, radius: Array, slender: Bools) -> float:
+    """The largest cell without warnings of `preflight`, and in which slender bodies bend with at most this error [m].
+
+    `radius` (deformable,) [m] are those of discs of the areas of the bodies.
+    """
     boundary, own, count = scene.outlines, scene.deformable, len(scene.bodies)
     slit = slit_width(boundary, scene.initial_positions[:, boundary.point], count)[own]
     limit = LIMITS["R/h" if scene.can_touch else "R/h alone"].value
     thin = LIMITS["thin part"].value
     enough = max(thin, THIN_CELLS * (THIN_ERROR / error) ** (1.0 / THIN_POWER))
-    thinnest = np.nanmin(scene.thickness[own] / np.where(_slender(scene), enough, thin), initial=np.inf)
-    return float(min(disc_radii(scene)[own].min() / limit, thinnest, slit.min() / LIMITS["slit"].value))
-
-
-def _slender(scene: Scene) -> Bools:
-    """Which deformable bodies have a part thinner than their radius, so that it bends: strips, lips, rings."""
-    return np.asarray(scene.thickness[scene.deformable] < disc_radii(scene)[scene.deformable])
+    thinnest = np.nanmin(scene.thickness[own] / np.where(slender, enough, thin), initial=np.inf)
+    return float(min(radius.min() / limit, thinnest, slit.min() / LIMITS["slit"].value))
 
 
 def _arc_radii(scene: Scene) -> Array:
@@ -226,14 +226,15 @@ def _arc_radii(scene: Scene) -> Array:
 
     On an arc the boundary turns at three successive points or more, at each by less than at a corner.
     """
-    boundary, most = scene.outlines, np.zeros(len(scene.bodies))
+    boundary, least = scene.outlines, np.full(len(scene.bodies), np.inf)
     x = scene.initial_positions[:, boundary.point]
     length, turn = np.hypot(*(x[:, boundary.next] - x)), turning_angles(boundary, x)
     smooth = (turn > 0.0) & (np.cos(turn) >= CORNER_COSINE)
-    bend = np.where(smooth, 4.0 * np.sin(0.5 * turn) / (length + length[boundary.previous]), 0.0)
-    arc = np.minimum(bend, np.minimum(bend[boundary.previous], bend[boundary.next]))
-    np.maximum.at(most, boundary.body, arc)
-    return np.where(most > 0.0, 1.0 / np.where(most > 0.0, most, 1.0), np.inf)
+    bend = 4.0 * np.sin(0.5 * turn) / (length + length[boundary.previous])
+    radius = np.divide(1.0, bend, out=np.full(turn.size, np.inf), where=smooth)
+    arc = np.maximum(radius, np.maximum(radius[boundary.previous], radius[boundary.next]))
+    np.minimum.at(least, boundary.body, arc)
+    return least
 
 
 def _with_interfaces(scene: Scene, cell: float, error: float) -> float:
@@ -241,8 +242,7 @@ def _with_interfaces(scene: Scene, cell: float, error: float) -> float:
 
     If interfaces lie on grid lines of the scene's own cell, it is a fraction of that.
     """
-    moduli = [(body.points, _moduli(body)) for body in scene.bodies if len(body.materials) > 1]
-    parts = [(points, E) for points, E in moduli if np.ptp(E) > 0.0]
+    parts = [(body.points, E) for body in scene.bodies if np.ptp(E := _moduli(body)) > 0.0]
     if not parts:
         return cell
     if not any(shares_cells(points.x / scene.cell, e == E) for points, E in parts for e in np.unique(E)):
@@ -251,8 +251,8 @@ def _with_interfaces(scene: Scene, cell: float, error: float) -> float:
 
 
 def _moduli(body: Body) -> Array:
-    """Young's moduli of points, (n,) [Pa]."""
-    E = np.empty(body.points.size)
+    """Young's moduli of points, (n,) [Pa]; zero in rigid bodies."""
+    E = np.zeros(body.points.size)
     for material, own in body.parts:
         E[own] = youngs_modulus(material)
     return E
