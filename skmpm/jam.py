@@ -26,6 +26,7 @@ STATIC = Scheme(inertia=False)
 JAMMED = 1e-8
 CLOSE = 1e-3  # deviation from a given pressure, over it, that suffices
 DENSEST = 1.2  # nominal solid fraction at which the search ends: discs fill the plane at less
+COLUMNS = ("solid_fraction_nominal", "pressure", "coordination", "unbalanced")  # of the table of packings
 SHORTER = 6  # times that a change of the solid fraction is halved where a static step fails
 
 
@@ -132,12 +133,8 @@ def jam(
     >>> round(found.solid_fraction_nominal, 3), found.coordination  # pi / 4, as it touches its images
     (0.785, 4.0)
     """
-    remedy = "give a number between 1e-6 and 0.05"
-    if not 1e-6 <= number("jam: increment", increment, remedy) <= 0.05:
-        raise SceneError(f"jam: increment = {increment!r}; {remedy}")
-    remedy = "give a number between 1e-9 and the increment"
-    if not 1e-9 <= number("jam: tolerance", tolerance, remedy) <= increment:
-        raise SceneError(f"jam: tolerance = {tolerance!r}; {remedy}")
+    number("jam: increment", increment, "give a number between 1e-6 and 0.05", 1e-6, 0.05)
+    number("jam: tolerance", tolerance, "give a number between 1e-9 and the increment", 1e-9, increment)
     if pressure is not None:
         positive("jam: pressure", pressure, "a pressure in Pa, or None for the jamming point")
     start = initial(scene, scheme=STATIC) if state is None else state
@@ -169,7 +166,7 @@ def jam(
         more.pressure,
         seen.coordination_without_rattlers,
         np.isnan(seen.bodies.coordination_without_rattlers),
-        {name: np.array([row[name] for row in search.rows]) for name in search.rows[0]},
+        dict(zip(COLUMNS, np.array(search.rows).T, strict=True)),
     )
 
 
@@ -215,7 +212,7 @@ class _Search:
         self.still = still
         self.pressure = pressure
         self.wanted = JAMMED * float(still.first_moduli.max()) if pressure is None else pressure  # [Pa]
-        self.rows: list[dict[str, float]] = []
+        self.rows: list[tuple[float, ...]] = []  # as `COLUMNS`
 
     def at_rest(self, state: State) -> _Packing:
         """The packing at rest in the box of a state."""
@@ -262,18 +259,8 @@ class _Search:
         """The packing after a static step, with a row of the table."""
         after = step(scene, state, 1.0, scheme=STATIC)
         seen = observe(scene, after)
-        _log.info(
-            "jam: at rest at a nominal solid fraction of %.6g, pressure %s, coordination %.3g without rattlers",
-            seen.solid_fraction_nominal,
-            quantity(seen.pressure, "Pa"),
-            seen.coordination_without_rattlers,
-        )
-        self.rows.append(
-            {
-                "solid_fraction_nominal": seen.solid_fraction_nominal,
-                "pressure": seen.pressure,
-                "coordination": seen.coordination_without_rattlers,
-                "unbalanced": after.report.unbalanced,
-            }
-        )
+        fraction, pressure, Z = seen.solid_fraction_nominal, seen.pressure, seen.coordination_without_rattlers
+        self.rows.append((fraction, pressure, Z, after.report.unbalanced))
+        said = "jam: at rest at a nominal solid fraction of %.6g, pressure %s, coordination %.3g without rattlers"
+        _log.info(said, fraction, quantity(pressure, "Pa"), Z)
         return _Packing(after, seen)

@@ -126,8 +126,7 @@ def moduli(scene: Scene, state: State, *, strain: float = STRAIN, held: bool = F
     """
     check_packing("moduli", scene, state)
     remedy = f"give a strain between {SMALLEST:g} and {LARGEST:g}, as {STRAIN:g}"
-    if not SMALLEST <= number("moduli: strain", strain, remedy) <= LARGEST:
-        raise SceneError(f"moduli: strain = {strain!r}; {remedy}")
+    number("moduli: strain", strain, remedy, SMALLEST, LARGEST)
     still = strained(_held(scene) if held else scene, np.zeros((2, 2)))
     rest = _at_rest(still, state)
     seen = observe(still, rest)

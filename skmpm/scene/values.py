@@ -71,10 +71,10 @@ def field_values(name: str, value: ArrayLike, x: Array) -> Array:
     return array
 
 
-def number(name: str, value: object, remedy: str) -> float:
-    """The value as a float; SceneError if it is not one finite number."""
+def number(name: str, value: object, remedy: str, low: float = -np.inf, high: float = np.inf) -> float:
+    """The value as a float; SceneError if it is not one finite number from `low` to `high`."""
     result = numbers(name, value, remedy)  # type: ignore[arg-type]
-    if result.ndim or not np.isfinite(result):
+    if result.ndim or not (np.isfinite(result) and low <= result <= high):
         raise SceneError(f"{name} = {value!r}; {remedy}")
     return float(result)
 

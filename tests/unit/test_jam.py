@@ -175,7 +175,7 @@ def test_grains_that_rearrange_are_compressed_further(monkeypatch):
         fraction = packing.fraction + change
         way = 0.794 if change < 2e-4 else packing.state
         seen = SimpleNamespace(solid_fraction_nominal=fraction, pressure=1e5 * max(fraction - way, 0.0))
-        search.rows.append({"solid_fraction_nominal": fraction, "pressure": seen.pressure})
+        search.rows.append((fraction, seen.pressure, 4.0, 0.0))
         bodies = SimpleNamespace(coordination_without_rattlers=np.ones(8))
         seen.solid_fraction, seen.coordination_without_rattlers, seen.bodies = fraction, 4.0, bodies
         return module._Packing(way, seen)
