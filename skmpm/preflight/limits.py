@@ -93,7 +93,7 @@ class Limit:
     def warning(self, metrics: SceneMetrics) -> PreflightWarning | None:
         """The warning of the worst place, if its value leaves the range."""
         reading = self.measure(metrics)
-        if reading is None or not len(reading.places):
+        if reading is None:
             return None
         values = np.broadcast_to(np.asarray(reading.values, dtype=float), len(reading.places))
         count = np.unique(np.asarray(reading.places)[self.beyond(values)]).size

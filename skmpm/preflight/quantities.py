@@ -165,19 +165,18 @@ def confined(m: SceneMetrics) -> Reading | None:
     return Reading(m.own[few], np.asarray(nu(m).values)[few], facts=facts)
 
 
-def made_of(m: SceneMetrics, condition: Callable[[Material], bool], value: float = 1.0, **facts: object) -> Reading:
-    """Deformable bodies that have a material of a kind."""
-    every = ((b, material) for b in m.own.tolist() for material in m.scene.bodies[b].materials)
-    named = {b: type(material).__name__ for b, material in every if condition(material)}
-    return Reading(np.array([*named], dtype=np.int64), value, facts=facts | {"material": np.array([*named.values()])})
+def made_of(m: SceneMetrics, kind: Callable[[Material], bool], values: ArrayLike = 1.0, **facts: object) -> Reading:
+    """Deformable bodies that have a material of a kind, with their values of those of all (deformable,)."""
+    every = ((k, material) for k, b in enumerate(m.own.tolist()) for material in m.scene.bodies[b].materials)
+    named = {k: type(material).__name__ for k, material in every if kind(material)}
+    found, material = np.array([*named], dtype=np.int64), np.array([*named.values()])
+    return Reading(m.own[found], np.broadcast_to(values, m.own.shape)[found], facts=facts | {"material": material})
 
 
 def softening(m: SceneMetrics) -> Reading:
     """Stretches at which the stress of elastic materials is largest, of bodies whose stress has a peak."""
     peak = {material: stretch_of_peak(material) for material in m.scene.materials}
-    least = m.extremes(peak.__getitem__)[0]
-    found = made_of(m, lambda material: np.isfinite(peak[material]))
-    return found._replace(values=least[np.isfinite(least)])
+    return made_of(m, lambda material: np.isfinite(peak[material]), m.extremes(peak.__getitem__)[0])
 
 
 def stretch_of_peak(material: Material) -> float:
@@ -198,10 +197,9 @@ def stretch_of_peak(material: Material) -> float:
 
 def rotation(m: SceneMetrics) -> Reading:
     """Rotations of bodies at small strain that spin, in many steps or until their grids are built again [rad]."""
-    linear = made_of(m, is_linear, steps=STEPS)
     _, C = initial_motion(m.scene)
     turn = np.maximum.reduceat(0.5 * m.dt * np.abs(C[1, 0] - C[0, 1]), m.scene.offsets[:-1])
-    return linear._replace(values=np.minimum(STEPS * turn[np.asarray(linear.places)], m.scheme.anchor))
+    return made_of(m, is_linear, np.minimum(STEPS * turn, m.scheme.anchor)[m.own], steps=STEPS)
 
 
 def possible_rotation(m: SceneMetrics) -> Reading | None:
@@ -221,9 +219,8 @@ def of_pair(bodies: Ints, low: Array, high: Array) -> Reading:
 
 def densities(m: SceneMetrics) -> Reading:
     """The largest ratio between densities of different bodies that forces move."""
-    each = np.split(m.scene.densities, m.scene.offsets[1:-1])
-    movable = np.flatnonzero(m.scene.movable)
-    low, high = np.array([[each[b].min(), each[b].max()] for b in movable]).T
+    start, movable = m.scene.offsets[:-1], np.flatnonzero(m.scene.movable)
+    low, high = (f.reduceat(m.scene.densities, start)[movable] for f in (np.minimum, np.maximum))
     return of_pair(movable, low, high)
 
 

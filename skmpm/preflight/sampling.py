@@ -29,7 +29,7 @@ def stress_errors(scene: Scene, *, fitted: bool = True) -> Array:
     if not bounded.any():
         return np.full(bounded.size, np.nan)
     grid, volume = _grid(scene, bounded[scene.owner])
-    whole, cell = _whole(grid, np.flatnonzero(bounded))
+    whole, cell = _whole(grid)
     x = scene.initial_positions[:, boundary.point]
     exact = cell_moments(boundary, x, grid.cell, whole.cell_index, whole.cell_body)[:3]
     misfit = exact.copy()
@@ -56,15 +56,13 @@ def _grid(scene: Scene, chosen: Bools) -> tuple[BodyGrids, Array]:
     return grid, scene.initial_volumes[chosen]
 
 
-def _whole(grid: BodyGrids, chosen: Ints) -> tuple[BodyGrids, Ints]:
-    """Grids of all cells in the bounding boxes of the chosen bodies, and the number there of each given cell."""
-    low, high = np.zeros((2, 2, grid.bodies), dtype=np.int64)
-    low[:], high[:] = np.iinfo(np.int64).max, np.iinfo(np.int64).min
-    for axis in (0, 1):
-        np.minimum.at(low[axis], grid.cell_body, grid.cell_index[axis])
-        np.maximum.at(high[axis], grid.cell_body, grid.cell_index[axis])
-    boxes = [low[:, [b]] + np.indices(tuple((high[:, b] - low[:, b] + 1).tolist())).reshape(2, -1) for b in chosen]
-    owner = np.concatenate([grid.cell_body, np.repeat(chosen, [box.shape[1] for box in boxes])])
+def _whole(grid: BodyGrids) -> tuple[BodyGrids, Ints]:
+    """Grids of all cells in the bounding boxes of the bodies, and the number there of each given cell."""
+    bodies, first = np.unique(grid.cell_body, return_index=True)  # cells lie body after body
+    low, high = (f.reduceat(grid.cell_index, first, axis=1) for f in (np.minimum, np.maximum))
+    sizes = (high - low + 1).T.tolist()
+    boxes = [start[:, None] + np.indices(size).reshape(2, -1) for start, size in zip(low.T, sizes, strict=True)]
+    owner = np.concatenate([grid.cell_body, np.repeat(bodies, [box.shape[1] for box in boxes])])
     centres = grid.cell * (np.concatenate([grid.cell_index, *boxes], axis=1) + 0.5)
     whole = build_grids(centres, owner, grid.cell, grid.bodies)
     return whole, whole.cell_of_point[: grid.cells]
