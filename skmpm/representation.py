@@ -9,6 +9,7 @@ from math import floor, log10
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -43,6 +44,12 @@ def quantity(value: float, unit: str) -> str:
     """A value with a prefixed unit, three digits: 8e-6 s is "8 µs"."""
     scale, name = prefixed(unit, abs(value))
     return f"{value / scale:.3g} {name}"
+
+
+def span(values: NDArray[Any], digits: str) -> str:
+    """The range of values as text, or the one that all of them have."""
+    low, high = values.min(), values.max()
+    return f"{low:{digits}}" if low == high else f"{low:{digits}} to {high:{digits}}"
 
 
 def line(name: str, facts: Mapping[str, object]) -> str:

@@ -5,9 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import ceil
-from typing import Any
-
-from numpy.typing import NDArray
 
 from skmpm.contact import acts_at_grid_nodes
 from skmpm.contact.boundary import check_outlines
@@ -15,7 +12,7 @@ from skmpm.material import is_linear, poisson_ratio, youngs_modulus
 from skmpm.preflight.explain import about
 from skmpm.preflight.limits import PreflightWarning, warnings_of
 from skmpm.preflight.metrics import SceneMetrics, chosen_steps
-from skmpm.representation import quantity, table
+from skmpm.representation import quantity, span, table
 from skmpm.scene import Scene, check_scene, check_walls_at_start
 from skmpm.scheme import Scheme
 from skmpm.step.algorithm import SHORTEST, check_time
@@ -84,14 +81,14 @@ class Preflight(SceneMetrics):
         lines = {
             "bodies": f"{_bodies(scene)}; {_around(scene)}",
             "sizes": f"{' to '.join(sizes)} across; cells of {quantity(self.cell, 'm')}",
-            "points": f"{self.points.sum()}, {_span(self.points, 'd')} a body,"
+            "points": f"{self.points.sum()}, {span(self.points, 'd')} a body,"
             f" {self.points_per_cell.min():.3g} or more per filled cell",
             "grid": f"{self.grid.cells} cells, {self.unknowns} unknowns",
             "R/h": f"{self.resolution.min():.3g} smallest, {self.resolution.mean():.3g} mean; {self._widths()}",
             "dt c/h": self._waves(),
             "driven": f"{name}, {stroke:.3g} h a step" if stroke else name or "nothing",
             "motion": self._motion(),
-            "bulk": f"E = {_span(moduli, '.4g')} Pa, nu = {_span(ratios, '.5g')}; {law};"
+            "bulk": f"E = {span(moduli, '.4g')} Pa, nu = {span(ratios, '.5g')}; {law};"
             f" {f'theta = {scheme.theta:g}' if scheme.inertia else 'quasi-static'}",
             "contact": self._contact(),
             "solver": f"{self.solver}, half bandwidth {self.half_bandwidth}",
@@ -208,11 +205,6 @@ def preflight(
         return Preflight(scene, first, scheme, until, steps, chosen=True)
     steps = None if until is None else ceil(until / dt - 1e-9)
     return Preflight(scene, dt, scheme, until, steps, chosen=False)
-
-
-def _span(values: NDArray[Any], digits: str) -> str:
-    low, high = values.min(), values.max()
-    return f"{low:{digits}}" if low == high else f"{low:{digits}} to {high:{digits}}"
 
 
 def _bodies(scene: Scene) -> str:

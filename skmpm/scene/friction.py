@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from skmpm.arrays import Array, Ints
+from skmpm.representation import span
 from skmpm.scene.layout import Input
 from skmpm.scene.values import SceneError, not_negative
 
@@ -56,10 +57,10 @@ class Friction:
             return "frictionless"
         several, walls = np.count_nonzero(self.surface < self.of_bodies) > 1, self.at_walls.size > 0
         if not walls:
-            return f"friction {_range(self.among_bodies)}"
+            return f"friction {span(self.among_bodies, 'g')}"
         if not several or np.unique(self.coefficient[: self.of_bodies]).size == 1:
-            return f"friction {_range(self.at_walls)}"
-        return f"friction {_range(self.among_bodies)} between bodies, {_range(self.at_walls)} at walls"
+            return f"friction {span(self.at_walls, 'g')}"
+        return f"friction {span(self.among_bodies, 'g')} between bodies, {span(self.at_walls, 'g')} at walls"
 
     def largest_pair(self) -> str:
         """The first two objects with the largest coefficient, as text."""
@@ -69,11 +70,6 @@ class Friction:
             return f"body {first[0]} and wall {self.surface.size - 1 - second[-1]}"
         others = second[second != first[0]]
         return f"bodies {first[0]} and {others[0]}" if others.size else f"body {first[0]} with itself"
-
-
-def _range(values: Array) -> str:
-    low, high = float(values.min()), float(values.max())
-    return f"{low:g}" if low == high else f"{low:g} to {high:g}"
 
 
 def friction_of(scene: Input) -> Friction:
