@@ -13,7 +13,7 @@ from skmpm.arrays import Array, Ints
 from skmpm.material import is_linear, youngs_modulus
 from skmpm.scene import Scene, State
 from skmpm.scheme import Scheme, averages_dilatation
-from skmpm.stepping.functions_of_time import values_at
+from skmpm.stepping.functions_of_time import Function, values_at
 from skmpm.stepping.loading import SLOPE, strongest_gravity
 
 # Mean pressure of the points of a body over its modulus. Confined on all sides, bodies with mean dilatation lose
@@ -134,19 +134,14 @@ class _Stroke:
 
     def __init__(self, scene: Scene, t: float) -> None:
         self._t = t  # at the end of the step before [s]
-        named: list[tuple[str, Any]] = [
-            *((f"wall {i}", _given(scene, i)) for i in range(len(scene.walls))),
-            *((f"body {b}", body.motion) for b, body in enumerate(scene.bodies)),
-            *((f"support {i}", held.velocity) for i, held in enumerate(scene.supports) if held.displacement is None),
-        ]
         self._cell = scene.cell
-        self._moving = [(name, f) for name, f in named if callable(f)]
+        self._moving = _moving(scene)
         self._paths = np.zeros((3, 2, len(self._moving)))  # moved, integral, integral of the magnitude [m]
 
     def __call__(self, state: State) -> str:
         dt, began = state.report.dt, self._t
         self._t = state.t
-        for k, (name, f) in enumerate(self._moving):
+        for k, (kind, i, f) in enumerate(self._moving):
             moved, path, length = self._paths[:, :, k]
             each = values_at(f, began + dt * SHARES)[:, :2]
             moved += dt * values_at(f, np.array([began + 0.5 * dt]))[0, :2]
@@ -155,11 +150,21 @@ class _Stroke:
             off = np.abs(moved - path)
             if (off > np.maximum(MAX_STRAY * self._cell, STRAY_SHARE * length)).any():
                 return (
-                    f"{name}: at t = {state.t:.6g} s it has moved by ({moved[0]:.4g}, {moved[1]:.4g}) m, while the"
-                    f" integral of its velocity is ({path[0]:.4g}, {path[1]:.4g}) m: steps take velocities at their"
-                    " middles; give a dt that ends steps where the velocity jumps, or none"
+                    f"{kind} {i}: at t = {state.t:.6g} s it has moved by ({moved[0]:.4g}, {moved[1]:.4g}) m, while"
+                    f" the integral of its velocity is ({path[0]:.4g}, {path[1]:.4g}) m: steps take velocities at"
+                    " their middles; give a dt that ends steps where the velocity jumps, or none"
                 )
         return ""
+
+
+def _moving(scene: Scene) -> list[tuple[str, int, Function]]:
+    """What moves by a velocity that is a function of time: kind and number of walls, rigid bodies and supports."""
+    named: list[tuple[str, int, Any]] = [
+        *(("wall", i, _given(scene, i)) for i in range(len(scene.walls))),
+        *(("body", b, body.motion) for b, body in enumerate(scene.bodies)),
+        *(("support", i, held.velocity) for i, held in enumerate(scene.supports) if held.displacement is None),
+    ]
+    return [(kind, i, f) for kind, i, f in named if callable(f)]
 
 
 def _given(scene: Scene, i: int) -> Any:
@@ -184,11 +189,9 @@ class _Shaking:
         self._before = before  # length of the step before [s]
         self._gravity, self._weight = gravity, float(np.hypot(*gravity))
         below = scene.normals.T @ gravity < -SLOPE * self._weight
-        named: list[tuple[str, int, Any]] = [
-            *(("wall", i, wall.velocity) for i, wall in enumerate(scene.walls) if below[i]),
-            *(("body", b, body.motion) for b, body in enumerate(scene.bodies)),
+        self._floors = [
+            (kind, i, f) for kind, i, f in _moving(scene) if kind == "body" or (kind == "wall" and below[i])
         ]
-        self._floors = [floor for floor in named if callable(floor[-1])]
 
     def __call__(self, state: State) -> str:
         dt, before = state.report.dt, self._before

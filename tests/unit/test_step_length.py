@@ -30,6 +30,7 @@ from skmpm.simulation import simulate
 from skmpm.step.initial_state import initial
 from skmpm.stepping.functions_of_time import FunctionsOfTime
 from skmpm.stepping.loading import loading_of
+from skmpm.stepping.watches import watches_of
 
 STEP_CONTROL = import_module("skmpm.stepping.step_control")
 R, CELL = 1e-3, 2e-4
@@ -284,6 +285,24 @@ def test_a_lid_that_shakes_above_a_body_is_not_warned_of(caplog):
     walls = [Wall((0, 0), (0, 1)), Wall((0, 4 * R), (0, -1), velocity=lambda t: (0.0, 0.1 * np.sin(300.0 * t)))]
     list(simulate(Scene([ball()], cell=CELL, walls=walls, gravity=gravity), until=0.02))
     assert "lift off" not in caplog.text
+
+
+@pytest.mark.parametrize(("direction", "warned"), [((1.0, 0.0), True), ((0.0, 1.0), False)], ids=["along", "across"])
+def test_a_floor_that_a_force_drives_shakes_only_along_itself(direction, warned):
+    """Across itself it moves as the force says, not as its function of time does."""
+
+    def velocity(t):
+        return np.sin(300.0 * t) * np.array(direction)
+
+    scene = Scene(
+        [ball()], cell=CELL, walls=[Wall((0, 0), (0, 1), force=1.0, mass=1.0, velocity=velocity)], gravity=(0, -9.81)
+    )
+    start = replace(initial(scene), wall_force=np.array([[0.0, -1.0]]))
+    *_, shaking = watches_of(scene, Scheme(), start, np.zeros(1))
+    steps = [replace(start, t=t, report=replace(start.report, dt=dt)) for t, dt in ((1e-3, 1e-3), (4e-3, 3e-3))]
+    said = "".join(map(shaking, steps))
+    assert said.startswith("wall 0: at t = 0.004 s it accelerates by") == warned
+    assert bool(said) == warned
 
 
 def test_gravity_that_turns_is_that_of_the_start():
