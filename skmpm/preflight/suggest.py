@@ -21,7 +21,7 @@ from skmpm.scene import Body, Scene, check_scene
 from skmpm.scheme import Scheme
 from skmpm.step.algorithm import SHORTEST, check_time
 from skmpm.stepping.functions_of_time import TIMES, FunctionsOfTime
-from skmpm.stepping.loading import SEVERAL, Loading, loading_of, smallest_radii
+from skmpm.stepping.loading import Loading, loading_of, several, smallest_radii
 from skmpm.stepping.step_length import MAX_APPROACH, STROKE
 
 LARGEST = 0.25  # error; coarser resolutions were not measured
@@ -167,7 +167,9 @@ def suggest(
     if loading.kind == "bending":
         radius, measured = smallest_radii(scene), np.ones_like(measured)
     paced = scheme.inertia or not loading.waves
-    kind = _measured_as(scene, loading.kind)
+    kind = loading.kind
+    if kind == "pour":
+        kind = "packing" if several(scene) else "pressing"
     laws = LAWS[kind]
     found = [best for law in laws if (best := _cheapest(law, error, paced)) is not None]
     if not found:
@@ -198,13 +200,6 @@ def _times(scene: Scene, until: float | None) -> Array:
         return np.zeros(1)
     check_time("suggest: until", until, SHORTEST, "the end of the run")
     return np.linspace(0.0, until, TIMES)
-
-
-def _measured_as(scene: Scene, kind: str) -> str:
-    """The key of `LAWS` for a kind."""
-    if kind == "pour":
-        return "packing" if scene.deformable.sum() >= SEVERAL else "pressing"
-    return kind
 
 
 def _coarsest(scene: Scene, error: float, radius: Array, slender: Bools) -> float:

@@ -351,6 +351,13 @@ def resampled(scene, found):
     return replace(scene, bodies=bodies, cell=found.cell)
 
 
+def test_a_pour_of_six_bodies_is_a_packing_however_many_are_rigid():
+    """As under a lid: what counts is how many bodies forces move."""
+    soft = FAMILY["pour"]
+    mixed = replace(soft, bodies=[replace(b, material=Rigid(1.0)) if i < 4 else b for i, b in enumerate(soft.bodies)])
+    assert suggest(mixed, error=0.05).cell == pytest.approx(suggest(soft, error=0.05).cell)
+
+
 def test_dt_of_a_slow_lid_and_of_a_pour_is_not_limited_by_waves():
     """The step of a lid goes as one over its speed, whatever waves do; that of a pour by the height of fall."""
     slow, slower = (suggest(discs(8, walls=lid(v)), error=0.05) for v in (1e-4, 1e-8))
