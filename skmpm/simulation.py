@@ -147,8 +147,7 @@ def simulate(
     first = with_step(_first(scene, scheme) if start is None else start, 0.0 if dt is None else float(dt))
     if warn and first.report.dt == 0.0:
         found = preflight(scene, dt, scheme=scheme, until=until or None).warnings
-        said = [*found, about(each.section for each in found)] if found else []
-        for each in said:
+        for each in (*found, *about(found)):
             _log.warning("preflight: %s", each)
     began = first.step_control.began
     pace = pace_of(scene, scheme, began, until, max_dt=max_dt, waves=waves) if dt is None else None

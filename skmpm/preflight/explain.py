@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from posixpath import join, normpath
@@ -88,9 +88,9 @@ def _page(name: str) -> str:
     return re.sub(r"\[([^\]]+)\]\(([^)]+)\)", _without_link, page.read_text(encoding="utf-8"))
 
 
-def about(named: Iterable[str]) -> str:
-    """What to read about warnings that name these sections."""
-    return f'about [...]: skmpm.explain("{next(iter(named))}"), or {WARNINGS}'
+def about(warnings: Sequence[PreflightWarning]) -> list[str]:
+    """What to read about warnings, as a line; none if there are none."""
+    return [f'about [...]: skmpm.explain("{warnings[0].section}"), or {WARNINGS}'] if warnings else []
 
 
 def _without_link(link: re.Match[str]) -> str:

@@ -60,8 +60,7 @@ class Preflight(SceneMetrics):
 
     def __str__(self) -> str:
         """The lines, then a line that begins with ``!`` for each warning."""
-        said = [f"! {warning}" for warning in self.warnings]
-        said += [about(warning.section for warning in self.warnings)] if said else ["no warnings"]
+        said = [*(f"! {warning}" for warning in self.warnings), *about(self.warnings)] or ["no warnings"]
         return "\n".join([*(f"{name:8s}  {text}" for name, text in self.lines.items()), *said])
 
     __repr__ = __str__
