@@ -4,6 +4,7 @@ import shutil
 
 import pytest
 
+from examples.studies import sweeps
 from examples.studies.hopper import figures, study
 from examples.studies.pages import DOCS
 
@@ -15,7 +16,7 @@ def ran(tmp_path_factory):
     sizes = ["--discs", "3", "--seeds", "1", "--outlet", "2.5", "1.05", "--softness", "0.001"]
     shutil.copy(DOCS / "hopper.md", path)
     where = ["--processes", "1", "--out", str(path / "out"), "--docs", str(path)]
-    study.main(study.parser().parse_args([*sizes, *where]))
+    sweeps.command(study, figures, [*sizes, *where])
     return path
 
 
@@ -46,7 +47,7 @@ def test_the_hopper_and_its_walls_bear_what_rests_on_an_arch(ran):
 def test_the_page_has_a_line_for_each_point_and_is_drawn_again(ran):
     page = (ran / "hopper.md").read_text()
     assert "| 1.05 | 1 | 1 | 0 | 3.0 |" in page and "| 2.5 | 1 | 0 | 3 |  |  |" in page
-    figures.main(figures.parser().parse_args(["--study", str(ran / "out"), "--docs", str(ran)]))
+    sweeps.command(study, figures, ["figures", "--study", str(ran / "out"), "--docs", str(ran)])
     assert (ran / "hopper.md").read_text() == page
     assert (ran / "hopper" / "hopper.png").stat().st_size > 10_000
 

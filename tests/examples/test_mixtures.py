@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import skmpm
+from examples.studies import sweeps
 from examples.studies.mixtures import checks, figures, study
 from examples.studies.packing_ensemble.fits import Compaction
 from examples.studies.pages import DOCS
@@ -18,7 +19,7 @@ def test_a_small_study_and_its_page(tmp_path):
     """Ten discs follow the ramp, rigid ones fill less; stresses inside discs are the given pressure."""
     where = ["--processes", "1", "--out", str(tmp_path / "out"), "--docs", str(tmp_path)]
     shutil.copy(DOCS / "mixtures.md", tmp_path)
-    study.main(study.parser().parse_args([*SMALL, "--until", "0.02", "--ramp", "0.02", *where]))
+    sweeps.command(study, figures, [*SMALL, "--until", "0.02", "--ramp", "0.02", *where])
     soft, mixed = figures.skmpm.Sweep.read(tmp_path / "out").finished
     assert (soft.parameters["share"], mixed.parameters["share"]) == (0.0, 0.5)
     for member in (soft, mixed):
@@ -39,7 +40,7 @@ def test_a_small_study_and_its_page(tmp_path):
     checks = (tmp_path / "mixtures" / "checks.csv").read_text().splitlines()
     assert len(checks) == 3 and checks[0] == ",".join(f'"{name}"' if "," in name else name for name in figures.CHECKS)
     assert len((tmp_path / "mixtures" / "members.csv").read_text().splitlines()) == 3
-    figures.main(figures.parser().parse_args(["--study", str(tmp_path / "out"), "--docs", str(tmp_path)]))
+    sweeps.command(study, figures, ["figures", "--study", str(tmp_path / "out"), "--docs", str(tmp_path)])
     assert (tmp_path / "mixtures.md").read_text() == page
     assert (tmp_path / "mixtures" / "mixtures.png").stat().st_size > 10_000
 
@@ -57,7 +58,7 @@ def test_shares_are_nested_in_one_packing():
 
 def test_members_and_the_slower_one():
     """Sixteen members, and the first packing with the middle share and the last friction again, twice as slowly."""
-    members = study.members(study.parser().parse_args([]))
+    members = study.members(sweeps.parser(study).parse_args([]))
     slower = members[-1]
     assert len(members) == 17 and [member["ramp"] for member in members] == [0.1] * 16 + [0.2]
     assert (slower["share"], slower["friction"], slower["seed"]) == (0.5, 0.5, 0)

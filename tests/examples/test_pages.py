@@ -22,3 +22,10 @@ def test_a_page_without_marks_is_left_alone(tmp_path, text):
     with pytest.raises(SystemExit, match="marks of 'x' should be there, once each"):
         pages.put(path, {"x": "new"})
     assert path.read_text() == text
+
+
+def test_options_are_typed_in_full(capsys):
+    """A page says by which command its members were made, without directories, which it knows by their options."""
+    with pytest.raises(SystemExit):
+        pages.parser("", "page.md").parse_args(["--doc", "somewhere"])
+    assert "unrecognized arguments: --doc" in capsys.readouterr().err

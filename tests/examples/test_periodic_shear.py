@@ -5,8 +5,9 @@ import shutil
 import numpy as np
 import pytest
 
+from examples.studies import sweeps
 from examples.studies.pages import DOCS
-from examples.studies.periodic_shear import figures, study
+from examples.studies.periodic_shear import study
 
 UNTIL, P = 0.03, 1e5
 
@@ -28,9 +29,9 @@ def test_a_small_study_and_its_page(tmp_path):
         str(tmp_path),
     ]
     shutil.copy(DOCS / "periodic_shear.md", tmp_path)
-    study.main(study.parser().parse_args(options))
-    (member,) = figures.skmpm.Sweep.read(tmp_path / "out").finished
-    columns, sheared = member.columns, figures.sheared(member)
+    sweeps.command(study, words=options)
+    (member,) = study.skmpm.Sweep.read(tmp_path / "out").finished
+    columns, sheared = member.columns, study.sheared(member)
     stage = columns["stage"]
     assert set(stage) == {0, 1, 2} and (np.diff(stage) >= 0).all()
     assert columns["pressure"][stage == 0][-1] > P > columns["pressure"][stage == 0][-2]
@@ -43,7 +44,7 @@ def test_a_small_study_and_its_page(tmp_path):
     assert "| 12 discs, friction 0.5, seed 0 |" in page
     assert "Made by `python -m examples.studies.periodic_shear" in page
     assert "1 member took" in page
-    figures.main(figures.parser().parse_args(["--study", str(tmp_path / "out"), "--docs", str(tmp_path)]))
+    sweeps.command(study, words=["figures", "--study", str(tmp_path / "out"), "--docs", str(tmp_path)])
     assert (tmp_path / "periodic_shear.md").read_text() == page
     assert (tmp_path / "periodic_shear" / "shear.png").stat().st_size > 10_000
 
@@ -54,4 +55,4 @@ def test_means_over_a_window_of_strain():
     line = 2.0 * strain
     line[np.searchsorted(strain, 0.25 + 1e-5)] += 1.0
     inner = (strain > 0.02) & (strain < 0.48)
-    assert figures.smooth(strain, line)[inner] == pytest.approx(2.0 * strain[inner], abs=4e-3)  # two steps
+    assert study.smooth(strain, line)[inner] == pytest.approx(2.0 * strain[inner], abs=4e-3)  # two steps

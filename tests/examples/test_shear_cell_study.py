@@ -5,8 +5,9 @@ import shutil
 import numpy as np
 import pytest
 
+from examples.studies import sweeps
 from examples.studies.pages import DOCS
-from examples.studies.shear_cell import figures, study
+from examples.studies.shear_cell import study
 
 
 def test_a_small_study_and_its_page(tmp_path):
@@ -14,8 +15,8 @@ def test_a_small_study_and_its_page(tmp_path):
     sizes = ["--discs", "24", "--seeds", "1", "--until", "0.3", "--pressure", "0.01", "--inertial", "0.1", "0.05"]
     where = ["--processes", "1", "--out", str(tmp_path / "out"), "--docs", str(tmp_path)]
     shutil.copy(DOCS / "shear_cell.md", tmp_path)
-    study.main(study.parser().parse_args([*sizes, *where]))
-    members = list(figures.skmpm.Sweep.read(tmp_path / "out").finished)
+    sweeps.command(study, words=[*sizes, *where])
+    members = list(study.skmpm.Sweep.read(tmp_path / "out").finished)
     assert len(members) == 2
     for member in members:
         columns = member.columns
@@ -26,6 +27,6 @@ def test_a_small_study_and_its_page(tmp_path):
         assert profile[-1] > profile[0]
     page = (tmp_path / "shear_cell.md").read_text()
     assert "| 0.01 | 0.05 | 1 |" in page and "| 0.01 | 0.1 | 1 |" in page
-    figures.main(figures.parser().parse_args(["--study", str(tmp_path / "out"), "--docs", str(tmp_path)]))
+    sweeps.command(study, words=["figures", "--study", str(tmp_path / "out"), "--docs", str(tmp_path)])
     assert (tmp_path / "shear_cell.md").read_text() == page
     assert (tmp_path / "shear_cell" / "shear_cell.png").stat().st_size > 10_000

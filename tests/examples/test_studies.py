@@ -15,7 +15,7 @@ STUDIES = {
     "feature_cost": ("",),
     "periodic_shear": ("", "figures"),
     "shear_cell": ("", "figures"),
-    "lmgc90_box": ("",),
+    "lmgc90_box": ("", "figures"),
     "mixtures": ("", "figures"),
     "hopper": ("", "figures"),
     "benchmark": ("", "crossover", "large"),

@@ -107,9 +107,7 @@ def main(options: argparse.Namespace) -> None:
 
 def parser() -> argparse.ArgumentParser:
     """The options."""
-    options = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False
-    )
+    options = pages.parser(__doc__, "performance.md and how_large.md")
     add = options.add_argument
     add(
         "--discs",
@@ -128,7 +126,6 @@ def parser() -> argparse.ArgumentParser:
     add("--members", type=int, default=4, help="of the ensemble, in one process and in as many as there are cores")
     add("--cache", type=Path, default=None, help="directory of the tiles (out/tiles)")
     add("--out", type=Path, default=Path("out/benchmark"), help="directory of the results")
-    add("--docs", type=Path, default=pages.DOCS, help="directory of performance.md and how_large.md")
     add("--keep-pages", action="store_true", help="let glibc keep freed memory instead of asking for fresh pages")
     add("--quick", action="store_true", help="everything in small, to see that it works")
     add("--page", action="store_true", help="write the page only")

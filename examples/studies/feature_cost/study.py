@@ -15,7 +15,6 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 from time import process_time
 from types import FrameType
 from typing import Any
@@ -217,8 +216,7 @@ def measured(options: argparse.Namespace) -> tuple[list[Line], str]:
 
 def parser() -> argparse.ArgumentParser:
     """Options; the defaults are those of the page."""
-    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    options.add_argument("--docs", type=Path, default=Path("docs/studies"), help="where work_precision.md is")
+    options = pages.parser(__doc__, "work_precision.md")
     options.add_argument("--discs", type=int, default=30, help="of the packing")
     options.add_argument("--cells", type=float, default=5.0, help="per radius of these")
     options.add_argument("--large", type=float, default=20.0, help="cells per radius of the single disc")

@@ -1,10 +1,4 @@
-"""Clogging of a hopper by soft discs: width of the outlet, and softness.
-
-    python -m examples.studies.hopper --out out/hopper    # run what is missing, write the page
-    python -m examples.studies.hopper figures             # draw the figures, write the page
-
-`python examples/studies/hopper` does the same by path; every command knows --help.
-"""
+"""The command line of the study: what `study.py` says, or `figures`, by module or by path."""
 
 import sys
 from pathlib import Path
@@ -16,4 +10,4 @@ from examples.studies import sweeps
 from examples.studies.hopper import figures, study
 
 if __name__ == "__main__":
-    sweeps.command(study, figures=figures)
+    sweeps.command(study, figures)

@@ -1,18 +1,9 @@
-"""Figures and page of the hopper study from the tables of its members.
-
-python -m examples.studies.hopper figures --study out/hopper --docs docs/studies
-
-Both are those of docs/studies; nothing is run.
-"""
+"""Figures and page of the hopper study from the tables of its members."""
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from scipy.sparse import csr_array
@@ -20,13 +11,13 @@ from scipy.sparse.csgraph import shortest_path
 
 import skmpm
 from examples.studies.hopper import study
-from examples.studies.pages import parser_of_figures, put, table
-from examples.studies.provenance import made
+from examples.studies.pages import picture, table
+from examples.studies.sweeps import groups
 from skmpm.sweep import Member
 
 HEAD = ("friction", "softness", "flattening [%]", "w/d", "packings", "clogged", "discs that left",
         "discs remaining in a clog", "discs in an arch", "steps", "retries", "time [min]")  # fmt: skip
-Point = tuple[float, float, float]
+POINT = ("friction", "softness", "outlet")
 
 
 def flattening(softness: float) -> float:
@@ -41,9 +32,10 @@ def flattening(softness: float) -> float:
 
 def scene_of(member: Member, state: skmpm.State) -> skmpm.Scene:
     """The scene of a state without the gate, from the text of its row that tells which discs are in it."""
-    about = {key: member.parameters[key] for key in ("discs", "outlet", "softness", "friction", "seed")}
     at = int(np.flatnonzero(member.columns["t"] == state.t)[-1])
-    return study.opened(study.scene(**about), [int(i) for i in str(member.columns["here"][at]).split()])
+    return study.opened(
+        study.build(**member.parameters).scene, [int(i) for i in str(member.columns["here"][at]).split()]
+    )
 
 
 def inside(member: Member) -> int:
@@ -68,16 +60,7 @@ def arch(scene: skmpm.Scene, state: skmpm.State) -> int:
     return int(length) - 1 if np.isfinite(length) else 0
 
 
-def groups(found: skmpm.Sweep) -> dict[Point, list[Member]]:
-    """Members by friction, softness and outlet."""
-    out: dict[Point, list[Member]] = {}
-    for member in found:
-        about = member.parameters
-        out.setdefault((about["friction"], about["softness"], about["outlet"]), []).append(member)
-    return dict(sorted(out.items()))
-
-
-def line(point: Point, members: list[Member]) -> tuple[str, ...]:
+def line(point: tuple[float, ...], members: list[Member]) -> tuple[str, ...]:
     """A row of the table."""
     clogs = [member for member in members if clogged(member)]
     out = sum(member.parameters["discs"] - inside(member) for member in members)
@@ -99,7 +82,7 @@ def line(point: Point, members: list[Member]) -> tuple[str, ...]:
     )
 
 
-def picture(axes: plt.Axes, members: list[Member], state: str, title: str) -> None:
+def packing(axes: plt.Axes, members: list[Member], state: str, title: str) -> None:
     """Draw a state of the first of the members."""
     axes.axis("off")
     if members:
@@ -112,7 +95,7 @@ def picture(axes: plt.Axes, members: list[Member], state: str, title: str) -> No
 def draw(found: skmpm.Sweep, folder: Path) -> None:
     """How many members clog, a clogged state of the widest outlet, and a flowing one of the softest discs."""
     figure, axes = plt.subplots(1, 3, figsize=(13, 4), layout="constrained")
-    by_point = groups(found)
+    by_point = groups(found, *POINT)
     for k, (friction, softness) in enumerate(dict.fromkeys(point[:2] for point in by_point)):
         outlets = [w for mu, s, w in by_point if (mu, s) == (friction, softness)]
         share = [np.mean([clogged(m) for m in by_point[friction, softness, w]]) for w in outlets]
@@ -124,29 +107,11 @@ def draw(found: skmpm.Sweep, folder: Path) -> None:
     widest = sorted(filter(clogged, found), key=lambda m: (-m.parameters["outlet"], -inside(m)))
     flows = [m for m in found if (m.folder / "half.checkpoint").exists()]
     softest = sorted(flows, key=lambda m: (inside(m), -m.parameters["softness"], m.parameters["outlet"]))
-    picture(axes[1], widest, "last", "clogged")
-    picture(axes[2], softest, "half", "flowing")
-    folder.mkdir(parents=True, exist_ok=True)
-    figure.savefig(folder / "hopper.png", dpi=110)
-    plt.close(figure)
+    packing(axes[1], widest, "last", "clogged")
+    packing(axes[2], softest, "half", "flowing")
+    picture(figure, folder / "hopper.png", 110)
 
 
-def write(out: Path, docs: Path) -> None:
-    """Draw the figure and fill the page; SystemExit if no member has finished."""
-    ran = skmpm.Sweep.read(out)
-    found = ran.finished
-    if not len(found):
-        raise SystemExit(f"{out}: no member has finished; run the study first")
-    draw(found, docs / "hopper")
-    lines = [line(*group) for group in groups(found).items()]
-    put(docs / "hopper.md", {"made": made(ran, "examples.studies.hopper"), "members": table(HEAD, lines)})
-
-
-def main(options: argparse.Namespace) -> None:
-    """Draw the figure and fill the page."""
-    write(options.study, options.docs)
-
-
-def parser() -> argparse.ArgumentParser:
-    """Options."""
-    return parser_of_figures(__doc__, Path("out/hopper"))
+def tables(found: skmpm.Sweep) -> dict[str, str]:
+    """The parts of the page that are made of the members."""
+    return {"members": table(HEAD, [line(*group) for group in groups(found, *POINT).items()])}

@@ -1,6 +1,7 @@
 """Soft discs leave a hopper until it is empty or clogged.
 
-    python -m examples.studies.hopper --out out/hopper
+    python -m examples.studies.hopper --out out/hopper    # run what is missing, write the page
+    python -m examples.studies.hopper figures             # draw the figure, write the page
 
 Every member is one run by `skmpm.sweep`, in stages. Discs settle on a gate, which is then taken away. A stage ends
 when a disc has left the outlet, and the next one goes on without it. Steps are chosen (``dt=None``). Then the page is
@@ -13,14 +14,11 @@ import argparse
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import skmpm
-
-from .. import pages
 
 D, DENSITY, GRAVITY, POISSON = 1e-2, 1000.0, 9.81, 0.3  # mean diameter [m]; [kg/m3]; [m/s2]
 SIZES = (0.9, 1.1)  # diameters over the mean one, half of the discs each
@@ -162,27 +160,10 @@ def members(options: argparse.Namespace) -> list[dict[str, Any]]:
     ]
 
 
-def main(options: argparse.Namespace) -> None:
-    """Run all members that have not finished, with a line of progress; then write the page."""
-    from . import figures
-
-    found = skmpm.sweep(build, members(options), out=options.out, processes=options.processes, progress=True)
-    print(found)
-    for name, error in found.failed.items():
-        print(f"{name} stopped: {error}")
-    if len(found.finished):
-        figures.write(options.out, options.docs)
-
-
-def parser() -> argparse.ArgumentParser:
+def add_options(options: argparse.ArgumentParser) -> None:
     """Options; the defaults are the study of `docs/studies/hopper.md`."""
-    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--discs", type=int, default=30, help="number of discs")
     options.add_argument("--outlet", type=float, nargs="+", default=[1.25, 1.6, 1.8], help="over the mean diameter")
     options.add_argument("--softness", type=float, nargs="+", default=[1e-3, 3e-2], help="density g d over E")
     options.add_argument("--friction", type=float, default=0.1, help="friction coefficient of discs and walls")
     options.add_argument("--seeds", type=int, default=4, help="packings at each point")
-    options.add_argument("--processes", type=int, help="members run at a time; None: as many as there are cores")
-    options.add_argument("--out", type=Path, default=Path("out/hopper"), help="directory of the results")
-    options.add_argument("--docs", type=Path, default=pages.DOCS, help="directory of hopper.md")
-    return options

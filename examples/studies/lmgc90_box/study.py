@@ -1,6 +1,7 @@
 """Steel discs in a box under a lid at 10 m/s: its force, the solid fraction, overlap and the time of a step.
 
-    python -m examples.studies.lmgc90_box --out out/lmgc90_box
+    python -m examples.studies.lmgc90_box --out out/lmgc90_box    # run what is missing, write the page
+    python -m examples.studies.lmgc90_box figures                 # draw the figure, write the page
 
 Radii, material, friction, gravity, lid and step are those of examples/Pre/prepro_grains/box_disk_defo of LMGC90. The
 box is larger, so that all discs fit in it. Every member is one run by `skmpm.sweep`; then the page is written.
@@ -9,21 +10,17 @@ box is larger, so that all discs fit in it. Every member is one run by `skmpm.sw
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
 from pathlib import Path
 from time import process_time
 from typing import Any
 
-import matplotlib
-
-matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
 import skmpm
-from examples.studies.pages import DOCS, put, table
-from examples.studies.provenance import made
 from skmpm.sweep import Member
+
+from ..pages import picture, table
 
 RADII, RATIO = (0.5, 2.0), 15.0 / 10.0  # [m], of the width of the box to its height
 STEEL = skmpm.NeoHookean(E=2.05e11, nu=0.3, density=7850.0)
@@ -88,11 +85,6 @@ def block(box: skmpm.Scene) -> float:
     return float(STEEL.density * np.sqrt(wave) * LID * box.walls[-1].point[0])
 
 
-def scene_of(member: Member) -> skmpm.Scene:
-    """The scene of a member."""
-    return scene(**{key: member.parameters[key] for key in ("discs", "fraction", "cells", "seed")})
-
-
 def cost(box: skmpm.Scene, member: Member, name: str) -> float:
     """Median processor time of further steps of a kept state, on one core [s]."""
     state, times = member.state(name), []
@@ -117,9 +109,9 @@ def arrival(columns: dict[str, Any]) -> float:
     return float(columns["t"][np.argmax(felt)]) if felt.any() else float("nan")
 
 
-def line(box: skmpm.Scene, member: Member) -> tuple[str, ...]:
-    """A row of the table."""
-    columns, about = member.columns, member.parameters
+def line(member: Member) -> tuple[str, ...]:
+    """A column of the table."""
+    columns, about, box = member.columns, member.parameters, build(**member.parameters).scene
     early = columns["t"] < EXAMPLE + 0.5 * DT
     lid = 1e-9 * columns["lid"]
     return (
@@ -143,8 +135,15 @@ def line(box: skmpm.Scene, member: Member) -> tuple[str, ...]:
     )
 
 
-def draw(box: skmpm.Scene, members: list[Member], folder: Path) -> None:
+def ordered(found: skmpm.Sweep) -> list[Member]:
+    """Backward Euler first, then the finest."""
+    return sorted(found, key=lambda member: (-member.parameters["theta"], -member.parameters["cells"]))
+
+
+def draw(found: skmpm.Sweep, folder: Path) -> None:
     """Forces over time of all members, and two states of the first one in its box."""
+    members = ordered(found)
+    box = build(**members[0].parameters).scene
     figure, axes = plt.subplots(1, 3, figsize=(15, 4.2), layout="constrained", width_ratios=(1, 1.2, 1.2))
     for k, member in enumerate(members):
         columns, about = member.columns, member.parameters
@@ -158,9 +157,13 @@ def draw(box: skmpm.Scene, members: list[Member], folder: Path) -> None:
         state = members[0].state(name)
         skmpm.plot(box, state, "speed", forces=True, limits=(0.0, 1.5 * LID), axes=axis)
         axis.set_title(f"{1e3 * state.t:.2g} ms", loc="right")
-    folder.mkdir(parents=True, exist_ok=True)
-    figure.savefig(folder / "lmgc90_box.png", dpi=100)
-    plt.close(figure)
+    picture(figure, folder / "lmgc90_box.png", 100)
+
+
+def tables(found: skmpm.Sweep) -> dict[str, str]:
+    """The table, a line for each quantity and a column for each member."""
+    head, *rest = zip(HEAD, *map(line, ordered(found)), strict=True)
+    return {"members": table(head, rest)}
 
 
 def members(options: argparse.Namespace) -> list[dict[str, Any]]:
@@ -170,36 +173,11 @@ def members(options: argparse.Namespace) -> list[dict[str, Any]]:
     return [common | {"cells": cells, "theta": theta} for cells, theta in each]
 
 
-def main(options: argparse.Namespace) -> None:
-    """Run all members that have not finished; then write the page."""
-    found = skmpm.sweep(build, members(options), out=options.out, processes=options.processes, progress=True)
-    print(found)
-    if found.failed:
-        raise SystemExit("\n".join(f"{name} stopped: {error}" for name, error in found.failed.items()))
-    boxes = [scene_of(member) for member in found]
-    draw(boxes[0], list(found), options.docs / "lmgc90_box")
-    lines = [line(box, member) for box, member in zip(boxes, found, strict=True)]
-    put(
-        options.docs / "lmgc90_box.md",
-        {"made": made(found, "examples.studies.lmgc90_box"), "members": by_quantity(lines)},
-    )
-
-
-def by_quantity(lines: Sequence[Sequence[str]]) -> str:
-    """A table with a line for each quantity and a column for each member."""
-    head, *rest = zip(HEAD, *lines, strict=True)
-    return table(head, rest)
-
-
-def parser() -> argparse.ArgumentParser:
+def add_options(options: argparse.ArgumentParser) -> None:
     """Options; the defaults are the study of `docs/studies/lmgc90_box.md`."""
-    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--discs", type=int, default=100, help="number of discs")
     options.add_argument("--fraction", type=float, default=0.80, help="solid fraction at first; more of it jams")
     options.add_argument("--cells", type=float, nargs="+", default=[12.0, 8.0, 5.0], help="in the mean radius")
     options.add_argument("--until", type=float, default=1e-2, help="end of the runs [s]")
     options.add_argument("--seed", type=int, default=0, help="of the packing")
-    options.add_argument("--processes", type=int, default=1, help="members run at a time")
-    options.add_argument("--out", type=Path, default=Path("out/lmgc90_box"), help="directory of the results")
-    options.add_argument("--docs", type=Path, default=DOCS, help="directory of lmgc90_box.md")
-    return options
+    options.set_defaults(processes=1)  # steps are timed

@@ -1,10 +1,4 @@
-"""Compaction of mixtures of rigid and soft discs: solid fraction against pressure, share of rigid discs, friction.
-
-    python -m examples.studies.mixtures --out out/mixtures    # run what is missing, write the page
-    python -m examples.studies.mixtures figures               # draw the figure, write the page
-
-`python examples/studies/mixtures` does the same by path; every command knows --help.
-"""
+"""The command line of the study: what `study.py` says, or `figures`, by module or by path."""
 
 import sys
 from pathlib import Path
@@ -16,4 +10,4 @@ from examples.studies import sweeps
 from examples.studies.mixtures import figures, study
 
 if __name__ == "__main__":
-    sweeps.command(study, figures=figures)
+    sweeps.command(study, figures)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import skmpm
-
-Array = np.ndarray
+from skmpm.scene import centres
 
 
 def pressure(scene: skmpm.Scene, state: skmpm.State) -> float:
@@ -15,13 +14,11 @@ def pressure(scene: skmpm.Scene, state: skmpm.State) -> float:
     The mean stress of a body at rest is the moment of the forces on its boundary over its area. `observe` takes
     branches from centre to centre instead, and no stress of points.
     """
-    x, contacts = centres(state), state.contacts
-    normal = contacts.normal
-    force = contacts.force[0] * normal + contacts.force[1] * np.stack([-normal[1], normal[0]])
+    x, contacts = centres(state.x, state.mass, state.body), state.contacts
     inside = 0.0
-    for body, at, sign in zip(contacts.bodies, (contacts.x, contacts.x - contacts.image), (1.0, -1.0), strict=True):
+    for side, (body, sign) in enumerate(zip(contacts.bodies, (1.0, -1.0), strict=True)):
         hard = ~scene.deformable[body]
-        inside += sign * float(np.sum((force * (at - x[:, body]))[:, hard]))
+        inside += sign * float(np.sum((contacts.vectors * (contacts.at(side) - x[:, body]))[:, hard]))
     soft = scene.deformable[state.body]
     inside += float((state.stress[0, 0] + state.stress[1, 1])[soft] @ state.weight[soft])
     return -inside / 2.0 / area(state)
@@ -36,17 +33,11 @@ def overlap_of_rigid_discs(scene: skmpm.Scene, state: skmpm.State) -> float:
     """The largest overlap of two rigid discs [m], of the distances of their centres; zero if none touch."""
     hard = np.flatnonzero(~scene.deformable)
     radius = np.sqrt(np.bincount(state.body, state.volume)[hard] / np.pi)
-    x = centres(state)[:, hard]
+    x = centres(state.x, state.mass, state.body)[:, hard]
     first, second = np.triu_indices(hard.size, k=1)
     apart = np.linalg.solve(state.box, x[:, first] - x[:, second])
     distance = np.hypot(*(state.box @ (apart - np.rint(apart))))
     return float(np.max(radius[first] + radius[second] - distance, initial=0.0))
-
-
-def centres(state: skmpm.State) -> Array:
-    """Centres of mass, (2, bodies) [m]."""
-    moments = np.stack([np.bincount(state.body, state.mass * x) for x in state.x])
-    return np.asarray(moments / np.bincount(state.body, state.mass))
 
 
 def area(state: skmpm.State) -> float:

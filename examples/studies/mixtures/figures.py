@@ -1,29 +1,20 @@
-"""Figure and page of the study of mixtures from the tables of its members.
-
-python -m examples.studies.mixtures figures --study out/mixtures --docs docs/studies
-
-Both are those of docs/studies; nothing is run.
-"""
+"""Figure and page of the study of mixtures from the tables of its members."""
 
 from __future__ import annotations
 
-import argparse
 import csv
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 
 import skmpm
-from examples.studies import pages, sweeps
 from examples.studies.mixtures import study
 from examples.studies.packing_ensemble.fits import compaction_law, last_passage
-from examples.studies.pages import DOCS, parser_of_figures, table
+from examples.studies.pages import DOCS, keep, picture, table
+from examples.studies.sweeps import groups
 from skmpm.sweep import Member
 
 AT = (0.01, 0.03, 0.1)  # pressures over E of the table, as far as the members go
@@ -37,11 +28,11 @@ CHECKS = ("rigid", "friction", "ramp [s]", "P off, median [%]", "P off, end [%]"
           "contact iterations", "time [min]")  # fmt: skip
 SHOWN = (0, 1, 2, 4, 5, 6, 7, 8, 10, 11)  # of the first on the page
 WORST = range(3, 10)  # of the second
-ARGUMENTS = ("discs", "share", "friction", "until", "ramp", "seed")  # of `stages`
+POINT = ("share", "friction", "ramp")
 BESIDE = ("friction", "Φ at 0.01", "ensemble", "Φ at 0.03", "ensemble", "Φ at 0.1", "ensemble")
 ENSEMBLE_YOUNG = 10e6  # Young's modulus of `packing_ensemble` [Pa]
 STYLES = ("-", "--", ":", "-.")  # of frictions
-Point = tuple[float, float, float]
+Point = tuple[float, ...]
 Columns = dict[str, np.ndarray]
 
 
@@ -69,8 +60,8 @@ def law(columns: Columns) -> tuple[float, float, float] | None:
 
 
 def scene_of(member: Member) -> skmpm.Scene:
-    """The scene of the last state of a member."""
-    return study.stages(**{name: member.parameters[name] for name in ARGUMENTS})[1]
+    """The scene of a member, whose box moves otherwise in its second stage."""
+    return study.build(**member.parameters).scene
 
 
 def rigid_area(member: Member) -> float:
@@ -86,15 +77,6 @@ def rigid_force(member: Member) -> float:
     pairs = skmpm.network(scene, member.state())
     rigid = ~scene.deformable[pairs.bodies].any(axis=0)
     return float(pairs.force[0, rigid].mean() / pairs.force[0].mean()) if rigid.any() else np.nan
-
-
-def groups(found: skmpm.Sweep) -> dict[Point, list[Member]]:
-    """Members by share of rigid discs, friction and time of the ramp."""
-    out: dict[Point, list[Member]] = {}
-    for member in found:
-        about = member.parameters
-        out.setdefault((about["share"], about["friction"], about["ramp"]), []).append(member)
-    return dict(sorted(out.items()))
 
 
 def mean(values: Sequence[float], digits: int) -> str:
@@ -159,17 +141,18 @@ def check(point: Point, members: list[Member]) -> tuple[str, ...]:
 
 
 def draw(found: skmpm.Sweep, folder: Path) -> None:
-    """Solid fraction over pressure and over the share of rigid discs, and the last states of two mixtures."""
+    """Solid fraction over pressure and over shares of rigid discs, last states of two mixtures; and all tables."""
     figure, axes = plt.subplots(1, 4, figsize=(15, 3.8), layout="constrained", width_ratios=(1.1, 1, 1.1, 1.1))
-    by_point = groups(found)
+    by_point = groups(found, *POINT)
     shortest = min(ramp for _, _, ramp in by_point)
     chosen = {point[:2]: members for point, members in by_point.items() if point[2] == shortest}
     draw_curves(axes[0], chosen)
     draw_shares(axes[1], chosen)
     draw_states(axes[2:], chosen)
-    folder.mkdir(parents=True, exist_ok=True)
-    figure.savefig(folder / "mixtures.png", dpi=110)
-    plt.close(figure)
+    picture(figure, folder / "mixtures.png", 110)
+    files = {"members": [HEAD, *(line(*group) for group in by_point.items())],
+             "checks": [CHECKS, *(check(*group) for group in by_point.items())]}  # fmt: skip
+    keep(folder, files)
 
 
 def draw_curves(axis: Axes, chosen: dict[tuple[float, float], list[Member]]) -> None:
@@ -246,28 +229,9 @@ def worst(lines: Sequence[tuple[str, ...]]) -> str:
 
 def tables(found: skmpm.Sweep) -> dict[str, str]:
     """The parts of the page that are made of the members."""
-    by_point = groups(found).items()
+    by_point = groups(found, *POINT).items()
     return {
         "members": short([line(*group) for group in by_point]),
         "checks": worst([check(*group) for group in by_point]),
         "ensemble": table(BESIDE, [beside(*group) for group in by_point if group[0][0] == 0.0]),
     }
-
-
-def write(out: Path, docs: Path) -> None:
-    """Draw the figure, fill the page, and keep its tables as files; SystemExit if no member has finished."""
-    sweeps.write(out, docs, "mixtures", draw, tables)
-    by_point = groups(skmpm.Sweep.read(out).finished).items()
-    files = {"members": [HEAD, *(line(*group) for group in by_point)],
-             "checks": [CHECKS, *(check(*group) for group in by_point)]}  # fmt: skip
-    pages.keep(docs / "mixtures", files)
-
-
-def main(options: argparse.Namespace) -> None:
-    """Draw the figure and fill the page."""
-    write(options.study, options.docs)
-
-
-def parser() -> argparse.ArgumentParser:
-    """Options."""
-    return parser_of_figures(__doc__, Path("out/mixtures"))

@@ -1,6 +1,7 @@
 """Rigid and soft discs in a periodic box under a growing pressure: solid fraction, coordination, forces.
 
-    python -m examples.studies.mixtures --out out/mixtures
+    python -m examples.studies.mixtures --out out/mixtures    # run what is missing, write the page
+    python -m examples.studies.mixtures figures               # draw the figure, write the page
 
 Every member runs in two stages by `skmpm.sweep`: both edges of the box shorten until the packing bears the first
 pressure; then the pressure grows to the last one, as exp(t), and stays for a tenth of that time. Steps are chosen
@@ -18,7 +19,6 @@ import numpy as np
 
 import skmpm
 
-from .. import sweeps
 from . import checks
 
 D, DENSITY, YOUNG, POISSON = 2e-3, 1000.0, 1e6, 0.45  # mean diameter [m]; [kg/m3]; [Pa]
@@ -117,16 +117,8 @@ def members(options: argparse.Namespace) -> list[dict[str, Any]]:
     return each + [common | middle | {"ramp": slower * options.ramp} for slower in options.slower]
 
 
-def main(options: argparse.Namespace) -> None:
-    """Run all members that have not finished, with a line of progress; then write the page."""
-    from . import figures
-
-    sweeps.run(build, members(options), options, figures.write)
-
-
-def parser() -> argparse.ArgumentParser:
+def add_options(options: argparse.ArgumentParser) -> None:
     """Options; the defaults are the study of `docs/studies/mixtures.md`."""
-    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--discs", type=int, default=48, help="number of discs")
     options.add_argument("--share", type=float, nargs="+", default=[0.0, 0.2, 0.5, 0.8], help="rigid, by number")
     options.add_argument("--friction", type=float, nargs="+", default=[0.0, 0.5], help="friction coefficients")
@@ -134,5 +126,3 @@ def parser() -> argparse.ArgumentParser:
     options.add_argument("--ramp", type=float, default=0.1, help="time in which the pressure grows [s]")
     options.add_argument("--slower", type=float, nargs="*", default=[2.0], help="times of ramps that repeat a member")
     options.add_argument("--seeds", type=int, default=2, help="packings at each point")
-    sweeps.add_options(options, "out/mixtures", "mixtures.md")
-    return options

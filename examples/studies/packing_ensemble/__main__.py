@@ -17,16 +17,8 @@ from pathlib import Path
 if not __package__:  # run by path: the packages are looked for in the root of the repository
     sys.path[0] = str(Path(__file__).resolve().parents[3])
 
+from examples.studies import sweeps
 from examples.studies.packing_ensemble import archive, choices, figures, main_job, own_jamming, study
 
-COMMANDS = {
-    "archive": archive,
-    "choices": choices,
-    "figures": figures,
-    "main_job": main_job,
-    "own_jamming": own_jamming,
-}
-
 if __name__ == "__main__":
-    chosen = COMMANDS[sys.argv.pop(1)] if sys.argv[1:2] and sys.argv[1] in COMMANDS else study
-    chosen.main(chosen.parser().parse_args())
+    sweeps.named(study, archive=archive, choices=choices, figures=figures, main_job=main_job, own_jamming=own_jamming)

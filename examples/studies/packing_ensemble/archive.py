@@ -90,9 +90,7 @@ def main(options: argparse.Namespace) -> None:
 
 def parser() -> argparse.ArgumentParser:
     """Where the study is, and where the page."""
-    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    options.add_argument("--study", type=Path, default=Path("out/study"), help="directory of study.py's results")
-    options.add_argument("--docs", type=Path, default=pages.DOCS, help="directory of packing_ensemble.md")
+    options = pages.parser(__doc__, "packing_ensemble.md", Path("out/study"))
     options.add_argument("--restore", action="store_true", help="from the page to the directory")
     options.add_argument("--version", help="of skmpm, whose members are restored; None: all")
     return options

@@ -164,7 +164,4 @@ def main(options: argparse.Namespace) -> list[Row]:
 
 def parser() -> argparse.ArgumentParser:
     """Where the study is, and where the page."""
-    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    options.add_argument("--study", type=Path, default=Path("out/study"), help="directory of study.py's results")
-    options.add_argument("--docs", type=Path, default=pages.DOCS, help="directory of packing_ensemble.md")
-    return options
+    return pages.parser(__doc__, PAGE, Path("out/study"))

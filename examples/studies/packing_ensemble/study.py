@@ -18,7 +18,7 @@ from typing import Any
 import skmpm
 from examples import compaction
 
-from .. import pages
+from .. import pages, sweeps
 from . import scenes
 from .members import GROUPS, SLOW, members
 from .rows import row
@@ -53,16 +53,13 @@ def main(options: argparse.Namespace) -> None:
 
     wanted = members(options)
     chosen = {n: about for n, about in wanted.items() if not options.only or n.startswith(tuple(options.only))}
-    found = skmpm.sweep(build, chosen, out=options.out, processes=options.processes, progress=True)
-    print(found)
-    for name, error in found.failed.items():
-        print(f"{name} stopped: {error}")
+    sweeps.run(build, chosen, options)
     figures.write(options.out, options.docs)
 
 
 def parser() -> argparse.ArgumentParser:
     """Options; the defaults are the study of `docs/studies/packing_ensemble.md`."""
-    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.ArgumentDefaultsHelpFormatter)
+    options = pages.parser(__doc__, "packing_ensemble.md")
     add = options.add_argument
     add("--discs", type=int, default=300, help="a third of them in the mode of Nezamabadi et al. (2017)")
     add("--seeds", type=int, default=4, help="packings for each friction")
@@ -71,7 +68,6 @@ def parser() -> argparse.ArgumentParser:
     add("--start", type=float, default=0.70, help="nominal solid fraction at the start")
     add("--until", type=float, default=1.02, help="nominal solid fraction at the end")
     add("--only", nargs="*", default=[], help=f"members whose names begin so; groups: {', '.join(GROUPS)}")
-    add("--processes", type=int, help="members run at a time; None: as many as there are cores")
     add("--out", type=Path, default=Path("out/study"), help="directory of the results")
-    add("--docs", type=Path, default=pages.DOCS, help="directory of packing_ensemble.md")
+    sweeps.add_processes(options)
     return options

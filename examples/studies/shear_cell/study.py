@@ -1,23 +1,28 @@
 """Soft discs between two rows of bonded grains, drawn along and pressed together: friction, height, velocities.
 
-    python -m examples.studies.shear_cell --out out/shear_cell
+    python -m examples.studies.shear_cell --out out/shear_cell    # run what is missing, write the page
+    python -m examples.studies.shear_cell figures                 # draw the figure, write the page
 
 Every member is one run by `skmpm.sweep`: the cell is periodic along x, its floor is held, its lid moves at a given
 speed and settles under a load, which grows to its value and stays. Steps are chosen (``dt=None``). Then the page is
-written, as by `figures`.
+written.
 """
 
 from __future__ import annotations
 
 import argparse
 from functools import partial
+from pathlib import Path
 from typing import Any
 
+import matplotlib.pyplot as plt
 import numpy as np
 
 import skmpm
+from skmpm.sweep import Member
 
-from .. import sweeps
+from ..pages import picture, table
+from ..sweeps import groups
 
 D, DENSITY, YOUNG, POISSON = 2e-3, 1000.0, 1e6, 0.3  # mean diameter [m]; [kg/m3]; [Pa]
 STIFFNESS = YOUNG / (1.0 - POISSON**2)  # E* [Pa]
@@ -25,6 +30,9 @@ CELL = D / 8.0  # four cells in the mean radius
 COLUMNS = 8  # grains in a row of a rough wall, and mean diameters in the width of the cell
 LAYERS = 12  # of the profile of velocities
 RAMP = 1.0  # shear strain in which the load grows to its value
+STEADY = RAMP + 0.5  # strain from which means are taken
+HEAD = ("P / E*", "I", "packings", "μ", "its deviation", "solid fraction", "height [d]", "lid over floor, pressure",
+        "lid over floor, shear", "overlap, largest [%]", "steps", "retries", "time [min]")  # fmt: skip
 Row = dict[str, float]
 
 
@@ -100,21 +108,77 @@ def members(options: argparse.Namespace) -> list[dict[str, Any]]:
     ]
 
 
-def main(options: argparse.Namespace) -> None:
-    """Run all members that have not finished, with a line of progress; then write the page."""
-    from . import figures
-
-    sweeps.run(build, members(options), options, figures.write)
-
-
-def parser() -> argparse.ArgumentParser:
+def add_options(options: argparse.ArgumentParser) -> None:
     """Options; the defaults are the study of `docs/studies/shear_cell.md`."""
-    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--discs", type=int, default=60, help="number of discs")
     options.add_argument("--pressure", type=float, nargs="+", default=[1e-3, 1e-2, 5e-2], help="over E*")
     options.add_argument("--inertial", type=float, nargs="+", default=[0.01, 0.03, 0.1], help="inertial numbers")
     options.add_argument("--friction", type=float, default=0.5, help="friction coefficient of discs")
     options.add_argument("--until", type=float, default=4.0, help="shear strain at the end")
     options.add_argument("--seeds", type=int, default=2, help="packings at each point")
-    sweeps.add_options(options, "out/shear_cell", "shear_cell.md")
-    return options
+
+
+def means(member: Member) -> dict[str, float]:
+    """Means over the steady part of a member, weighted with the lengths of steps."""
+    columns = member.columns
+    late = np.where(columns["strain"] > min(STEADY, 0.5 * columns["strain"][-1]), columns["dt"], 0.0)
+    found = {name: float(np.average(values, weights=late)) for name, values in columns.items()}
+    each = columns["shear_floor"] / found["pressure_floor"]
+    found["ratio"] = found["shear_floor"] / found["pressure_floor"]
+    found["deviation"] = float(np.sqrt(np.average((each - found["ratio"]) ** 2, weights=late)))
+    return found
+
+
+def line(point: tuple[float, ...], members: list[Member]) -> tuple[str, ...]:
+    """A row of the table."""
+    each = [means(member) for member in members]
+
+    def mean(name: str) -> float:
+        return float(np.mean([m[name] for m in each]))
+
+    count = [member.columns["t"].size for member in members]
+    return (
+        f"{point[0]:g}",
+        f"{point[1]:g}",
+        f"{len(members)}",
+        ", ".join(f"{m['ratio']:.3f}" for m in each),
+        f"{mean('deviation'):.2f}",
+        f"{mean('solid_fraction'):.3f}",
+        f"{mean('height') / D:.2f}",
+        f"{mean('pressure_lid') / mean('pressure_floor'):.3f}",
+        f"{mean('shear_lid') / mean('shear_floor'):.3f}",
+        f"{100 * max(float(member.columns['overlap'].max()) for member in members):.2g}",
+        f"{np.mean(count):.0f}",
+        f"{np.mean([member.columns['retries'].sum() for member in members]):.0f}",
+        f"{np.mean([member.columns['seconds'].sum() for member in members]) / 60:.1f}",
+    )
+
+
+def draw(found: skmpm.Sweep, folder: Path) -> None:
+    """Friction and solid fraction against the inertial number, profiles of velocity, and the last state of one."""
+    figure, axes = plt.subplots(1, 4, figsize=(14, 3.6), layout="constrained", width_ratios=(1, 1, 1, 1.1))
+    by_point = groups(found, "pressure", "inertial")
+    for k, pressure in enumerate(sorted({p for p, _ in by_point})):
+        numbers = sorted(number for p, number in by_point if p == pressure)
+        for axis, name in zip(axes, ("ratio", "solid_fraction"), strict=False):
+            each = [[means(m)[name] for m in by_point[pressure, number]] for number in numbers]
+            axis.semilogx(numbers, [np.mean(e) for e in each], "-", color=f"C{k}", label=f"P / E* = {pressure:g}")
+            for number, values in zip(numbers, each, strict=True):
+                axis.plot([number] * len(values), values, "o", color=f"C{k}", ms=3)
+        for number in numbers:
+            profiles = [[means(m)[f"layer_{i}"] for i in range(LAYERS)] for m in by_point[pressure, number]]
+            place = (np.arange(LAYERS) + 0.5) / LAYERS
+            axes[2].plot(np.mean(profiles, axis=0), place, color=f"C{k}", alpha=0.3 + 0.7 * number / max(numbers))
+    axes[0].set(xlabel="inertial number", title="shear stress over pressure")
+    axes[0].legend()
+    axes[1].set(xlabel="inertial number", title="solid fraction")
+    axes[2].set(xlabel="mean velocity over that of the lid", title="place over the height", xlim=(0.0, 1.0))
+    first = next(iter(found))
+    skmpm.plot(build(**first.parameters).scene, first.state(), "speed", forces=True, axes=axes[3])
+    axes[3].axis("off")
+    picture(figure, folder / "shear_cell.png", 110)
+
+
+def tables(found: skmpm.Sweep) -> dict[str, str]:
+    """The parts of the page that are made of the members."""
+    return {"members": table(HEAD, [line(*group) for group in groups(found, "pressure", "inertial").items()])}

@@ -13,10 +13,8 @@ from pathlib import Path
 if not __package__:  # run by path: the packages are looked for in the root of the repository
     sys.path[0] = str(Path(__file__).resolve().parents[3])
 
+from examples.studies import sweeps
 from examples.studies.work_precision import page, promises, study
 
-COMMANDS = {"page": page, "promises": promises}
-
 if __name__ == "__main__":
-    chosen = COMMANDS[sys.argv.pop(1)] if sys.argv[1:2] and sys.argv[1] in COMMANDS else study
-    chosen.main(chosen.parser().parse_args())
+    sweeps.named(study, page=page, promises=promises)

@@ -113,10 +113,7 @@ TEXT = {
 
 def parser() -> argparse.ArgumentParser:
     """The options."""
-    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    options.add_argument("--study", type=Path, default=Path("out/work_precision"), help="directory of the results")
-    options.add_argument("--docs", type=Path, default=pages.DOCS, help="directory of work_precision.md")
-    return options
+    return pages.parser(__doc__, "work_precision.md", Path("out/work_precision"))
 
 
 def main(options: argparse.Namespace) -> None:

@@ -13,7 +13,6 @@ import argparse
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
-from pathlib import Path
 from time import process_time
 
 import numpy as np
@@ -256,7 +255,6 @@ def main(options: argparse.Namespace) -> bool:
 
 def parser() -> argparse.ArgumentParser:
     """Where the page is, and which scenes."""
-    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    options.add_argument("--docs", type=Path, default=pages.DOCS, help="directory of work_precision.md")
+    options = pages.parser(__doc__, "work_precision.md")
     options.add_argument("--only", nargs="*", default=[], help="scenes by name; nothing is written then")
     return options

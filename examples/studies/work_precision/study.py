@@ -26,7 +26,7 @@ from typing import Any
 import skmpm
 from skmpm.sweep import Member as Ran
 
-from .. import pages
+from .. import pages, sweeps
 from . import competitor, scenes
 from .meter import Meter, TooLong
 from .parameters import DEFAULT, PRESETS, Setting, linear_of, neighbours, one_at_a_time, resolutions, sample
@@ -184,12 +184,11 @@ def repeated(member: Member, out: Path) -> Member:
 
 def parser() -> argparse.ArgumentParser:
     """Options; the defaults are the study of `docs/studies/work_precision.md`."""
-    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options = pages.parser(__doc__, "work_precision.md")
     options.add_argument("--scenes", nargs="+", choices=list(scenes.CASES), default=list(scenes.CASES))
     options.add_argument("--runs", type=int, default=96, help="size of the sample; half of it on the packing")
     options.add_argument("--only", nargs="*", choices=KINDS, default=[], help="kinds of runs; all, if none is named")
     options.add_argument("--retime", action="store_true", help="run what is there again and keep the shorter times")
-    options.add_argument("--processes", type=int, help="runs at a time; None: as many as there are cores")
     options.add_argument("--out", type=Path, default=Path("out/work_precision"), help="directory of the results")
-    options.add_argument("--docs", type=Path, default=pages.DOCS, help="directory of work_precision.md")
+    sweeps.add_processes(options)
     return options
