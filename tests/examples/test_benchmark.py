@@ -73,7 +73,8 @@ def test_benchmark(monkeypatch, tmp_path):
     monkeypatch.setattr(study.subprocess, "run", first_alone)
     monkeypatch.setitem(study.QUICK, "memory_steps", 80)
     (tmp_path / "docs").mkdir()
-    shutil.copy(DOCS / "how_large.md", tmp_path / "docs")
+    for name in ("performance", "how_large"):
+        shutil.copy(DOCS / f"{name}.md", tmp_path / "docs")
     options = ["--quick", "--out", str(tmp_path / "out"), "--docs", str(tmp_path / "docs")]
     study.main(study.parser().parse_args(options))
     results = sorted((tmp_path / "out").glob("*.json"))
@@ -104,7 +105,8 @@ def test_benchmark(monkeypatch, tmp_path):
 def test_a_page_without_single_bodies_or_packings(tmp_path):
     """Logarithmic axes are drawn where there is something to scale."""
     (tmp_path / "docs").mkdir()
-    shutil.copy(DOCS / "how_large.md", tmp_path / "docs")
+    for name in ("performance", "how_large"):
+        shutil.copy(DOCS / f"{name}.md", tmp_path / "docs")
     options = study.parser().parse_args(["--single"])
     study.page.write({}, options, tmp_path / "docs")
     assert (tmp_path / "docs" / "performance" / "phases.png").stat().st_size > 1_000

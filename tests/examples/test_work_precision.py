@@ -63,7 +63,7 @@ def test_commands(study, no_pictures, ran, tmp_path):
     times = [(member.folder / "table.csv").stat().st_mtime_ns for member in found]
     module.main(options)
     assert [(member.folder / "table.csv").stat().st_mtime_ns for member in found] == times
-    rest = (DOCS / "work_precision.md").read_text().split("<!-- /study -->\n")[1]
+    rest = (DOCS / "work_precision.md").read_text().split("<!-- /codes -->\n")[1]
     for _ in range(2):
         page.write(tmp_path / "out", tmp_path / "docs")
         text = (tmp_path / "docs" / "work_precision.md").read_text()
@@ -72,7 +72,7 @@ def test_commands(study, no_pictures, ran, tmp_path):
         assert text.count("## Presets") == 1
         assert text.endswith(rest)
     assert len((tmp_path / "docs" / "work_precision" / "results.csv").read_text().splitlines()) == 6
-    linked = re.findall(r"\{download\}`[^<]* <work_precision/([^>]*)>`", text.split("<!-- /study -->")[0])
+    linked = re.findall(r"\{download\}`[^<]* <work_precision/([^>]*)>`", text.split("<!-- /codes -->")[0])
     assert len(linked) >= 7 and all((tmp_path / "docs" / "work_precision" / name).exists() for name in linked)
 
 

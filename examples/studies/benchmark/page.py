@@ -1,57 +1,22 @@
-"""docs/studies/performance.md, its figure and its csv, and how_large.md, from the results of `study.py`."""
+"""The tables of docs/studies/performance.md and how_large.md, a figure and csv files from results of `study.py`."""
 
 from __future__ import annotations
 
 import argparse
-import csv
 from pathlib import Path
 from typing import Any
 
+import matplotlib.pyplot as plt
+
 from .. import pages
+from ..pages import table
 from . import how_large
 from .goals import PHASES, STEPS, Line, Result, Results, allowed, goals, ms, per_lu, per_point, phases
-from .scenes import RATE, SPACING
 
-HEAD = """# Performance
-
-The time of a step grows with the number of points, and its memory with that of discs and points; the goals say how
-well. The portable measure is the ratio to one sparse LU of the same matrix in the same run. Milliseconds are those of
-one machine. Allowed memory, above that after import, is 0.4 MB a disc and 1.2 kB a point.
-"""
 MEASURED = """All of this page is measured and written by `python -m examples.studies.benchmark` (here{kept} in
 {minutes:.0f} minutes). One process, one thread; medians of {steps} steps after two, of processor time (wall time was
-{busy[0]:.2f} to {busy[1]:.2f} times as much; more than 1.1 indicates a busy machine).
-
-- *LU* is `scipy.sparse.linalg.splu`, `SymmetricMode`, pivots on the diagonal, the faster of `MMD_AT_PLUS_A` and
-  `NATURAL`, the bodies' own order. `linear.direct` lets SuperLU search for pivots, which takes longer.
-- Discs are those of the main example: radii 0.7-1.2 mm, NeoHookean, {spacing:.2f} cells between points. Steps are 8
-  us instead of its 13.3.
-- *Dense* is a nominal solid fraction of 0.899 to 0.901 under a lid that shrinks the box by {rate:g} a second, 2 m/s
-  over 300 discs. Packings of more than {tile} discs are a squeezed box of {tile} and its mirror images
-  (`examples/studies/benchmark/scenes.py` says why that is a motion): every size does the same work per disc.
-- *Free* discs touch nothing and oscillate by 1 %.
-- The contact phases are detection, Delassus operator, contact solve and linear solves; the last are counted in full,
-  although a step without contact has some, too.
+{least:.2f} to {most:.2f} times as much; more than 1.1 indicates a busy machine).
 """
-GROWTH = """The matrix is block diagonal with one block per disc, so one LU does the same work per point for any
-size; its time per point grows because of memory access. The same holds for the system time: fresh pages are
-provided for large arrays, which glibc returns as soon as they are freed (`--keep-pages` measures without that).
-"""
-PHASES_TEXT = """*Step / LU* and *step / direct* are times of a step over those of one factorisation of its matrix, by
-[LU](#how-it-is-measured) and by `linear.direct`. {download}`phases.csv <performance/phases.csv>` has the shares of
-the phases.
-"""
-LARGE = """A NeoHookean disc whose centre lies anywhere in a cell, by pyamg: held and pulled by 1 %, and oscillating
-freely with steps in which a pressure wave passes ten cells.
-"""
-
-
-def table(head: Line, lines: list[Line]) -> str:
-    """A markdown table."""
-    rows = [head, ("---",) * len(head), *lines]
-    return "\n".join("| " + " | ".join(row) + " |" for row in rows) + "\n"
-
-
 PHASE_HEAD = ("discs", "R/h", "points", "unknowns", "contacts", "Newton", "step / LU", "step / direct", "ms here")
 
 
@@ -108,11 +73,6 @@ def single_table(found: Results) -> str:
 
 def draw(found: Results, path: Path) -> None:
     """Time of a step against points, by phase; one body beside it."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot as plt
-
     fig, (left, right) = plt.subplots(1, 2, figsize=(10, 4.4), layout="constrained", sharey=True)
     _draw_growth(left, found)
     _draw_single(right, found)
@@ -123,8 +83,7 @@ def draw(found: Results, path: Path) -> None:
             axis.set(xscale="log", yscale="log")
             axis.legend(fontsize=7)
         axis.grid(which="major", lw=0.3)
-    fig.savefig(path, dpi=80)
-    plt.close(fig)
+    pages.picture(fig, path, 80)
 
 
 def _draw_growth(axis: Any, found: Results) -> None:
@@ -158,53 +117,33 @@ def flat(result: Result, prefix: str = "") -> Result:
     return columns
 
 
-def keep(results: dict[str, Result], path: Path) -> None:
+def rounded(results: dict[str, Result]) -> list[Result]:
     """All that was measured, a line for every workload."""
     rows = [{"workload": name, **flat(result)} for name, result in results.items()]
-    with path.open("w", newline="") as file:
-        writer = csv.DictWriter(file, list(dict.fromkeys(key for row in rows for key in row)), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows)
+    return [{k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows]
 
 
-def write(results: dict[str, Result], options: argparse.Namespace, docs: Path) -> None:
-    """Write the page, its figure and its csv."""
-    folder, found = docs / "performance", Results(results, options)
-    folder.mkdir(parents=True, exist_ok=True)
-    keep(results, folder / "results.csv")
-    draw(found, folder / "phases.png")
+def measured(results: dict[str, Result], options: argparse.Namespace) -> str:
+    """How long all took, and how busy the machine was."""
     minutes = sum(r["total"] for r in results.values()) / 60.0
     kept = " with `--keep-pages`" if options.keep_pages else ""
     busy = [r["wall"] / r["step"] for r in results.values() if "wall" in r] or [1.0]
-    measured = MEASURED.format(
-        minutes=minutes,
-        kept=kept,
-        busy=(min(busy), max(busy)),
-        steps=options.steps,
-        spacing=SPACING,
-        rate=RATE,
-        tile=options.tile,
-    )
+    return MEASURED.format(minutes=minutes, kept=kept, least=min(busy), most=max(busy), steps=options.steps)
+
+
+def write(results: dict[str, Result], options: argparse.Namespace, docs: Path) -> None:
+    """Write both pages, the figure and the csv."""
+    folder, found = docs / "performance", Results(results, options)
+    draw(found, folder / "phases.png")
     lines = phase_lines(found)
-    pages.keep(folder, {"phases": lines})
-    parts = [
-        HEAD,
-        "## Goals\n",
-        table(("what", "at most", "measured", "verdict"), list(goals(found))),
-        "## Where the time goes\n",
-        short(lines),
-        PHASES_TEXT,
-        "![Time of a step against points, by phase](performance/phases.png)\n",
-        "## Growth\n",
-        GROWTH,
-        growth_table(found),
-        "## One large body\n",
-        LARGE,
-        single_table(found),
-        "## How it is measured\n",
-        measured,
-        "All figures are in {download}`results.csv <performance/results.csv>`.",
-    ]
-    (docs / "performance.md").write_text("\n".join(parts) + "\n")
+    pages.keep(folder, {"phases": lines, "results": pages.columns(rounded(results))})
+    parts = {
+        "goals": table(("what", "at most", "measured", "verdict"), list(goals(found))),
+        "phases": short(lines),
+        "growth": growth_table(found),
+        "single": single_table(found),
+        "measured": measured(results, options),
+    }
+    pages.put(docs / "performance.md", parts)
     large = {part.__name__: table(*part(found)) for part in (how_large.machine, how_large.ensemble, how_large.shares)}
     pages.put(docs / "how_large.md", large)

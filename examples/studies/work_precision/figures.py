@@ -5,16 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import matplotlib
+import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.ticker import LogFormatterSciNotation
 
+from ..pages import picture
 from . import results
 from .parameters import PRESETS
 from .results import BOTH, SCENES, Found, dial_runs, front
-
-matplotlib.use("Agg")
-from matplotlib import pyplot as plt
-from matplotlib.ticker import LogFormatterSciNotation
 
 MARKS = {"fast": "v", "balanced": "o", "accurate": "^"}
 STEERED = {"cells": "C0", "spacing": "C1", "pace": "C2"}
@@ -38,8 +36,7 @@ def fronts(found: Found, path: Path) -> None:
                 axis.plot(*of([run]), MARKS[name], color="C1", ms=10, mec="k", label=name, zorder=3)
         finish(axis, scene, found.floor(scene))
     axes[0, 0].legend(fontsize=7)
-    fig.savefig(path, dpi=80)
-    plt.close(fig)
+    picture(fig, path, 80)
 
 
 LABELS = {"sample": "sample", "one": "one parameter", "slope": "beside presets"}
@@ -72,8 +69,7 @@ def parameters(found: Found, path: Path) -> None:
                 axis.annotate(f"{level:g}", (r.seconds, min(r.error, LIMIT)), fontsize=7, color=colour)
         finish(axis, scene, found.floor(scene))
         axis.legend(fontsize=7)
-    fig.savefig(path, dpi=80)
-    plt.close(fig)
+    picture(fig, path, 80)
 
 
 def codes(found: Found, path: Path) -> None:
@@ -86,5 +82,4 @@ def codes(found: Found, path: Path) -> None:
             axis.step(*of(front(known)), style[:2], where="post", lw=1.0)
         finish(axis, f"{scene}{' m/s' * ('squeeze' in scene)}", found.floor(scene))
         axis.legend(fontsize=7)
-    fig.savefig(path, dpi=80)
-    plt.close(fig)
+    picture(fig, path, 80)

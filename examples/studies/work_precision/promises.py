@@ -24,10 +24,11 @@ from skfem.models.elasticity import lame_parameters, linear_elasticity
 import skmpm
 
 from .. import pages
+from ..pages import table
 from . import discs, hertz
 from .beam import Elements
 from .statics import DENSITY, LAWS, NU, E, rotation, turned
-from .tables import number, table
+from .tables import number
 
 Array = NDArray[np.float64]
 Resolution = tuple[float, float, float]  # cell [m], spacing [m], dt [s]
@@ -249,7 +250,7 @@ def main(options: argparse.Namespace) -> bool:
     if not options.only:
         lines = [row for row, _ in rows]
         pages.keep(options.docs / "work_precision", {"promises": [HEAD, *lines]})
-        pages.put(options.docs / "work_precision.md", {"promises": f"{short(lines)}\n{verdict}\n"})
+        pages.put(options.docs / "work_precision.md", {"promises": f"{short(lines)}\n\n{verdict}"})
     return kept == len(rows)
 
 

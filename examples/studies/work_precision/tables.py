@@ -8,6 +8,7 @@ import numpy as np
 
 from skmpm.preflight.suggest import LAWS
 
+from ..pages import table
 from . import competitor, fits, results, scenes
 from .parameters import BALANCED, DEFAULT, PRESETS, SLOPES, Setting
 from .results import (
@@ -28,11 +29,6 @@ CHEAPEST = ("cost [s]", "error [%]", "setting")  # of a run
 PRICED = (0.2, 0.1, 0.05, 0.02, 0.01)  # errors that are looked up
 TIMED = 0.5  # processor time of `balanced` [s] from which on `fast` is judged
 Line = tuple[str, ...]
-
-
-def table(head: Line, lines: list[Line]) -> str:
-    """A markdown table."""
-    return "\n".join("| " + " | ".join(row) + " |" for row in [head, ("---",) * len(head), *lines]) + "\n"
 
 
 def number(value: float, digits: int = 2) -> str:
@@ -94,7 +90,7 @@ def presets(found: Found) -> str:
         "- `accurate` has a third of its error or less, or less than the floor, on every scene:"
         f" {verdict(good['accurate'])}.\n"
     )
-    return table(head, lines) + "\n" + goals
+    return f"{table(head, lines)}\n\n{goals}"
 
 
 def prices(found: Found) -> list[Line]:
