@@ -80,12 +80,12 @@ def missing(found: Study) -> str:
     """Which members of the whole study are missing, by group."""
     wanted = members(study.parser().parse_args([]))
     lines = []
-    for prefix, group in GROUPS.items():
+    for prefix, title in GROUPS.items():
         names = [name for name in wanted if group_of(name) == prefix]
         left = [name for name in names if found.get(name) is None]
         if left:
             which = "all" if left == names else ", ".join(left)
-            lines.append((group.title, f"{len(names) - len(left)} of {len(names)}", which))
+            lines.append((title, f"{len(names) - len(left)} of {len(names)}", which))
     return table([("group", "ended", "missing"), *lines]) if lines else "No member is missing."
 
 
