@@ -14,8 +14,8 @@ import numpy as np
 
 from .claims import figure
 from .curves import EARLY, PHI, Array, Study, mean
-from .drawing import COLOURS, FRACTION, Figure, band, panels
-from .scenes import NU, YOUNG
+from .drawing import COLOURS, FRACTION, Figure, band, line, panels
+from .scenes import PLANE
 
 BEFORE = "curves_before.csv"
 AT = (0.80, 0.85, 0.90, 0.95)
@@ -26,7 +26,7 @@ MEASURES = {
     "anisotropy": "A_m",
     "aspect_ratio": "alpha",
 }
-UNITS = {"pressure": (1.0 - NU**2) / YOUNG}
+UNITS = {"pressure": 1.0 / PLANE}
 FRICTIONS = (0.0, 0.5)
 Curves = dict[str, dict[str, Array]]
 
@@ -37,10 +37,10 @@ def read(path: Path) -> Curves:
         return {}
     found: Curves = defaultdict(lambda: {name: np.full(EARLY.size, np.nan) for name in MEASURES})
     with path.open(newline="") as file:
-        for line in csv.DictReader(file):
-            at = int(np.argmin(np.abs(EARLY - float(line["solid_fraction"]))))
+        for row in csv.DictReader(file):
+            at = int(np.argmin(np.abs(EARLY - float(row["solid_fraction"]))))
             for name in MEASURES:
-                found[line["member"]][name][at] = float(line[name])
+                found[row["member"]][name][at] = float(row[name])
     return dict(found)
 
 
@@ -94,10 +94,7 @@ def drawn(before: Curves, found: Study) -> Figure | None:
         unit = UNITS.get(name, 1.0)
         for mu in FRICTIONS:
             band(axis, found, "fast", mu, name, unit, label=rf"$\mu$ = {mu:g}, now")
-            if found.seeds("quasistatic", mu):
-                axis.plot(
-                    PHI, unit * found.curve("quasistatic", mu, name)[0], COLOURS[mu], linestyle=":", linewidth=1.1
-                )
+            line(axis, found, "quasistatic", mu, name, ":", unit, linewidth=1.1)
             old, _ = curve(before, mu, name)
             axis.plot(PHI, unit * old, COLOURS[mu], linestyle="--", linewidth=1.1, label=rf"$\mu$ = {mu:g}, before")
         axis.set(xlabel=FRACTION, title=label.replace("alpha", r"$\alpha$").replace("A_m", "$A_m$"))

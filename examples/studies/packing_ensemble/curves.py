@@ -12,10 +12,9 @@ import numpy as np
 
 import skmpm
 
-from .main_job import WAVE
 from .members import name_of
 from .rows import INTERIOR, WALLS
-from .scenes import YOUNG, options_of
+from .scenes import WAVE, YOUNG, options_of
 
 Array = np.ndarray
 
@@ -73,7 +72,7 @@ class Member:
         """
         if self.slow:
             return self.column(name)
-        return steady(self.table["t"], self.column(name), transits * self.height / np.sqrt(WAVE))
+        return steady(self.table["t"], self.column(name), transits * self.height / WAVE)
 
     def column(self, name: str) -> Array:
         """A column (rows,), or one of those that are made of several; nan where the member has none of the name."""

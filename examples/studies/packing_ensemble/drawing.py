@@ -5,16 +5,13 @@ from __future__ import annotations
 import io
 from pathlib import Path
 
-import matplotlib
+import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from PIL import Image
 
 from .curves import PHI, Array, Study
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 COLOURS = {0.0: "C0", 0.1: "C2", 0.5: "C3"}
 FRACTION = r"solid fraction $\Phi$ by outlines"
@@ -48,29 +45,27 @@ def label_of(found: Study, kind: str, friction: float) -> str:
     return rf"$\mu$ = {friction:g} ({len(found.seeds(kind, friction))})"
 
 
-def band(
-    axis: Axes,
-    found: Study,
-    kind: str,
-    friction: float,
-    name: str,
-    unit: float = 1.0,
-    style: str = "-",
-    label: str = "",
-) -> None:
+def band(axis: Axes, found: Study, kind: str, friction: float, name: str, unit: float = 1.0, label: str = "") -> None:
     """Mean over the packings of a kind and its standard error."""
-    if not found.seeds(kind, friction):
-        return
-    value, error = (unit * v for v in found.curve(kind, friction, name))
-    colour = COLOURS[friction]
-    axis.plot(PHI, value, colour, linestyle=style, linewidth=1.5, label=label or None)
-    axis.fill_between(PHI, value - error, value + error, color=colour, alpha=0.25, linewidth=0.0)
-
-
-def thin(axis: Axes, found: Study, kind: str, friction: float, name: str, style: str, unit: float = 1.0) -> None:
-    """The same without errors."""
+    line(axis, found, kind, friction, name, "-", unit, linewidth=1.5, label=label or None)
     if found.seeds(kind, friction):
-        axis.plot(PHI, unit * found.curve(kind, friction, name)[0], COLOURS[friction], linestyle=style, linewidth=0.9)
+        value, error = (unit * v for v in found.curve(kind, friction, name))
+        axis.fill_between(PHI, value - error, value + error, color=COLOURS[friction], alpha=0.25, linewidth=0.0)
+
+
+def line(
+    axis: Axes, found: Study, kind: str, friction: float, name: str, style: str, unit: float = 1.0, **options: object
+) -> None:
+    """The mean alone."""
+    if found.seeds(kind, friction):
+        value = unit * found.curve(kind, friction, name)[0]
+        axis.plot(PHI, value, COLOURS[friction], linestyle=style, **{"linewidth": 0.9} | options)
+
+
+def legend(axis: Axes) -> None:
+    """Say what was drawn, if anything was."""
+    if axis.get_legend_handles_labels()[0]:
+        axis.legend(fontsize=8)
 
 
 def fitted(axis: Axes, found: Study, kind: str, friction: float, curves: list[Array], width: float = 0.6) -> None:

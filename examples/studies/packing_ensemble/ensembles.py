@@ -6,15 +6,14 @@ import numpy as np
 
 from .claims import bends
 from .curves import NEAR_JAMMING, PHI, Study, mean
-from .drawing import COLOURS, FRACTION, Axes, Figure, any_of, band, fitted, label_of, panels, thin
+from .drawing import COLOURS, FRACTION, Axes, Figure, any_of, band, fitted, label_of, legend, line, panels
 from .fits import Compaction
 from .members import LIDS, RATIOS
-from .scenes import NU, YOUNG
+from .scenes import NU, PLANE, YOUNG
 from .targets import fixed, inside, phi_jammed, z_inside
 
 LABELS = {"contact_surface": "contact specific surface S", "anisotropy": "orientation anisotropy $A_m$",
           "aspect_ratio": r"aspect ratio $\alpha$"}  # fmt: skip
-PLANE = YOUNG / (1.0 - NU**2)
 TICKS = (0.80, 0.85, 0.90, 0.95)
 BARE = "coordination_without_rattlers"
 
@@ -25,16 +24,16 @@ def figure2(found: Study) -> Figure | None:
     if not kinds:
         return None
     figure, axes = panels(len(kinds), 3, 3.7, 3.3, sharex=True, sharey="col")
-    for line, kind in zip(axes, kinds, strict=True):
-        for axis, (name, label) in zip(line, LABELS.items(), strict=True):
+    for row, kind in zip(axes, kinds, strict=True):
+        for axis, (name, label) in zip(row, LABELS.items(), strict=True):
             for mu in COLOURS:
                 band(axis, found, kind, mu, name, label=label_of(found, kind, mu))
                 if kind == "quasistatic":
-                    thin(axis, found, "fine", mu, name, "--")
+                    line(axis, found, "fine", mu, name, "--")
                 if name != "anisotropy" and mu != 0.1 and (fits := bends(found.seeds(kind, mu), name)):
                     fitted(axis, found, kind, mu, [fit(PHI) for fit in fits])
             axis.set_ylabel(label)
-        line[0].legend(fontsize=8, title={"fast": "2 m/s"}.get(kind, "quasi-static"))
+        row[0].legend(fontsize=8, title={"fast": "2 m/s"}.get(kind, "quasi-static"))
     for axis in axes[-1]:
         axis.set_xlabel(FRACTION)
     return figure
@@ -48,8 +47,8 @@ def pressure(found: Study) -> Figure | None:
     for mu, colour in COLOURS.items():
         members = found.seeds("quasistatic", mu)
         band(left, found, "quasistatic", mu, "pressure", 1.0 / PLANE, label=label_of(found, "quasistatic", mu))
-        thin(left, found, "periodic", mu, "pressure", "--", 1.0 / PLANE)
-        thin(left, found, "fast", mu, "pressure", ":", 1.0 / PLANE)
+        line(left, found, "periodic", mu, "pressure", "--", 1.0 / PLANE)
+        line(left, found, "fast", mu, "pressure", ":", 1.0 / PLANE)
         laws = [
             np.where(phi_jammed(m, box=True) < PHI, b * unit(PHI, m.over("coordination")), np.nan)
             for m in members
@@ -67,8 +66,7 @@ def pressure(found: Study) -> Figure | None:
     left.set(xlabel=FRACTION, ylabel="pressure / E*")
     right.set(xlabel="solid fraction of the interior", ylim=(-2e-4, 8e-3), xlim=(0.76, 0.89))
     right.axhspan(3e-4, 4e-3, color="0.93", zorder=0)
-    if left.get_legend_handles_labels()[0]:
-        left.legend(fontsize=8)
+    legend(left)
     return figure
 
 
@@ -86,8 +84,8 @@ def coordination(found: Study) -> Figure | None:
     figure, ((left, right),) = panels(1, 2, 5.5, 4.0)
     for mu in COLOURS:
         band(left, found, "quasistatic", mu, BARE, label=label_of(found, "quasistatic", mu))
-        thin(left, found, "periodic", mu, BARE, "--")
-        thin(left, found, "quasistatic", mu, "coordination", ":")
+        line(left, found, "periodic", mu, BARE, "--")
+        line(left, found, "quasistatic", mu, "coordination", ":")
     x = np.geomspace(2e-3, 0.12, 40)
     for kind, style in (("quasistatic", "-"), ("periodic", "--")):
         for k, m in enumerate(found.seeds(kind, 0.0)):
@@ -99,8 +97,7 @@ def coordination(found: Study) -> Figure | None:
     right.set(
         xscale="log", yscale="log", xlabel=r"$\Phi - \Phi_J$", ylabel="Z - 4 without rattlers", ylim=(0.05, 3.0)
     )
-    if left.get_legend_handles_labels()[0]:
-        left.legend(fontsize=8)
+    legend(left)
     return figure
 
 
@@ -125,8 +122,7 @@ def kinds(found: Study) -> Figure | None:
                 )
         axis.axhline(1.0, color="k", linewidth=0.5)
         axis.set(xlabel=FRACTION, title=f"P: {words}", ylim=(0.5, 1.5), xlim=(0.78, 0.98), xticks=TICKS)
-        if axis.get_legend_handles_labels()[0]:
-            axis.legend(fontsize=8)
+        legend(axis)
     return figure
 
 

@@ -14,18 +14,16 @@ import csv
 from pathlib import Path
 from time import perf_counter
 
-import matplotlib
+import matplotlib.pyplot as plt
 import numpy as np
 
 import skmpm
 from examples.compaction import COLUMNS, LID, SCHEMES, build, row
 from examples.compaction import parser as options_of
 
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
+from ..pages import picture
 
 CHECKS = ("step", "solid_fraction_nominal", "area", "volume", "outside", "spin", "lid", "floor")
-WAVE = 10e6 * (1.0 - 0.45) / (1.0 + 0.45) / (1.0 - 2.0 * 0.45) / 990.0  # pressure waves, c^2 [m2/s2]
 
 
 def check(
@@ -71,8 +69,7 @@ def draw_curves(table: list[dict[str, float]], path: Path) -> None:
     for axis, (name, (label, unit)) in zip(axes, shown.items(), strict=True):
         axis.plot(fraction, [unit * line[name] for line in table], linewidth=1.0)
         axis.set(xlabel=r"solid fraction $\Phi$", ylabel=label)
-    figure.savefig(path, dpi=90)
-    plt.close(figure)
+    picture(figure, path, 90)
 
 
 def main(options: argparse.Namespace) -> list[dict[str, float]]:
@@ -113,7 +110,7 @@ def main(options: argparse.Namespace) -> list[dict[str, float]]:
         if step % options.every:
             series.write(state)
     draw_curves(table, options.out / "curves.png")
-    transit = round(float(start.walls[LID, 1]) / np.sqrt(WAVE) / options.dt)
+    transit = round(float(start.walls[LID, 1]) / scene.fastest_wave / options.dt)
     print(summary(table, perf_counter() - began))
     print(verdict(checks, max(1, transit)))
     return checks

@@ -19,11 +19,10 @@ import numpy as np
 import skmpm
 
 from .curves import mean
-from .scenes import NU, YOUNG, build, options_of
+from .scenes import PLANE, build, options_of
 
 PRESSURES = (3e-4, 1e-3, 2.2e-3, 4.5e-3, 1e-2)  # over E*
 START = 0.79  # solid fraction, the same nominal and by outlines where discs do not touch
-PLANE = YOUNG / (1.0 - NU**2)  # E* [Pa]
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,13 @@ import numpy as np
 
 import skmpm
 from examples import compaction
+from skmpm.material import wave_speed
 
 Array = np.ndarray
 
 YOUNG, NU, DENSITY = 10e6, 0.45, 990.0  # of `compaction.py` [Pa], [-], [kg/m3]
+WAVE = wave_speed(skmpm.NeoHookean(YOUNG, NU, DENSITY))  # of pressure waves [m/s]
+PLANE = YOUNG / (1.0 - NU**2)  # E* [Pa]
 
 
 def options_of(parameters: dict[str, Any]) -> argparse.Namespace:

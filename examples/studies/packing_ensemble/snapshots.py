@@ -4,21 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-import matplotlib
-import numpy as np
-
-import skmpm
-
-from . import scenes, stages, study
-from .curves import Member, Study
-
-matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 
-PLANE = scenes.YOUNG / (1.0 - scenes.NU**2)  # E* [Pa]
+import skmpm
+
+from . import stages, study
+from .curves import Member, Study
+from .scenes import PLANE
+
 FRICTIONS = (0.0, 0.5)  # from above
 CORNER = 12.0  # width and height of what is shown of the box [mm]
 STEPS = 12  # of the colours of pressure

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 import skmpm
+from skmpm.scene import centres
 
 from . import scenes, study
 from .curves import Member
@@ -71,9 +72,7 @@ def network(state: skmpm.State) -> Network:
     contacts = state.contacts
     size = np.hypot(*contacts.force)
     some = size > FORCED * size.max(initial=0.0)
-    n, f = contacts.normal[:, some], contacts.force[:, some]
-    force = f[0] * n + f[1] * np.stack([-n[1], n[0]])
-    x, (first, second) = contacts.x[:, some], contacts.bodies[:, some]
+    force, x, (first, second) = contacts.vectors[:, some], contacts.x[:, some], contacts.bodies[:, some]
     swap = (first < second) & (first >= 0)  # the larger number first: walls, which are negative, come second
     first, second, force = np.where(swap, second, first), np.where(swap, first, second), np.where(swap, -force, force)
     pairs, of = np.unique(np.stack([first, second]), axis=1, return_inverse=True)
@@ -81,8 +80,7 @@ def network(state: skmpm.State) -> Network:
     total = np.array([np.bincount(of, component, k) for component in force])
     weight = np.hypot(*force)
     touched = np.array([np.bincount(of, weight * c, k) for c in x]) / np.bincount(of, weight, k)
-    mass = np.bincount(state.body, state.mass)
-    centre = np.array([np.bincount(state.body, state.mass * c) for c in state.x]) / mass
+    centre = centres(state.x, state.mass, state.body)
     wall = pairs[1] < 0
     one, other = centre[:, pairs[0]], np.where(wall, touched, centre[:, np.maximum(pairs[1], 0)])
     branch = np.where(wall, 2.0, 1.0) * (one - other)
