@@ -15,6 +15,7 @@ import argparse
 import csv
 import json
 import sys
+from collections.abc import Callable, Mapping
 from contextlib import closing
 from functools import partial
 from itertools import chain
@@ -30,6 +31,7 @@ COLUMNS = ("step", "t", "solid_fraction", "solid_fraction_nominal", "pressure", 
            "anisotropy", "aspect_ratio", "coordination", "overlap", "residual", "newton", "contact_iterations",
            "seconds")  # fmt: skip
 Line = dict[str, Any]
+Check = Callable[[skmpm.Scene, skmpm.State, skmpm.Observables], float]
 LID = 1  # index among the walls
 SCHEMES = {
     # Tolerances that change the pressure by 0.1 %, and take a third of the iterations off while the packing is loose.
@@ -80,8 +82,11 @@ def draw(scene: skmpm.Scene, stages: list[skmpm.State], path: Path) -> None:
     figure.savefig(path, bbox_inches="tight")
 
 
-def run(options: argparse.Namespace) -> list[Line]:
-    """Run the compaction from its last checkpoint, if there is one; write and draw the results; return the table."""
+def run(options: argparse.Namespace, checks: Mapping[str, Check] = {}) -> list[Line]:
+    """Run the compaction from its last checkpoint, if there is one; write and draw the results; return the table.
+
+    `checks` are further columns of the table, by name.
+    """
     (scene, until), scheme, out = build(options), SCHEMES[options.scheme], options.out
     print(skmpm.preflight(scene, options.dt, scheme=scheme, until=until))
     out.mkdir(parents=True, exist_ok=True)
@@ -97,11 +102,13 @@ def run(options: argparse.Namespace) -> list[Line]:
         observables.open("w", newline="") as file,
         closing(skmpm.simulate(scene, dt=options.dt, until=until, scheme=scheme, **saved)) as states,
     ):
-        table = csv.DictWriter(file, COLUMNS)
+        table = csv.DictWriter(file, (*COLUMNS, *checks))
         table.writeheader()
         table.writerows(lines)
         for state in chain(begun, states):
-            lines.append({"step": len(lines) + 1, **row(scene, state, skmpm.observe(scene, state))})
+            seen = scene, state, skmpm.observe(scene, state)
+            more = {name: check(*seen) for name, check in checks.items()}
+            lines.append({"step": len(lines) + 1, **row(*seen), **more})
             table.writerow(lines[-1])
             file.flush()
             if len(lines) % options.every == 0:

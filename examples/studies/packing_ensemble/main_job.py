@@ -2,15 +2,14 @@
 
     python -m examples.studies.packing_ensemble main_job --out out/main_job
 
-Takes the options of `compaction.py`. Writes `observables.csv`, a ParaView series `packing.vtkhdf`, `curves.png`
-(pressure, contact surface, anisotropy, aspect ratio, coordination against solid fraction) and `checks.csv`, whose
-worst values it prints at the end. `docs/studies/results.md` is made of them.
+Takes the options of `compaction.py` and writes what it writes; the table has a column for each check. Draws
+`curves.png` (pressure, contact surface, anisotropy, aspect ratio, coordination against solid fraction) and prints the
+worst values at the end. `docs/studies/results.md` is made of them.
 """
 
 from __future__ import annotations
 
 import argparse
-import csv
 from pathlib import Path
 from time import perf_counter
 
@@ -18,35 +17,15 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import skmpm
-from examples.compaction import COLUMNS, LID, SCHEMES, build, row
-from examples.compaction import parser as options_of
+from examples import compaction
+from examples.compaction import LID, Line
 
 from ..pages import picture
 
-CHECKS = ("step", "solid_fraction_nominal", "area", "volume", "outside", "spin", "lid", "floor")
 
-
-def check(
-    step: int, scene: skmpm.Scene, state: skmpm.State, seen: skmpm.Observables, dt: float, filled: float
-) -> dict[str, float]:
-    """Invariants: area by outlines and by det F, distance of points behind walls, rotation per step, wall forces.
-
-    `filled` is the area by outlines at the start [m2].
-    """
-    counts = np.bincount(state.body)
-    rotation = np.bincount(state.body, 0.5 * (state.C[1, 0] - state.C[0, 1])) / counts
-    depth = [-(n @ (state.x - point[:, None])).min() for n, point in zip(scene.normals.T, state.walls, strict=True)]
-    volume = scene.initial_volumes.sum()
-    return {
-        "step": step,
-        "solid_fraction_nominal": seen.solid_fraction_nominal,
-        "area": seen.bodies.area.sum() / filled,
-        "volume": state.volume.sum() / volume,
-        "outside": max(0.0, *depth) / scene.cell,
-        "spin": np.abs(rotation).max() * dt,
-        "lid": state.wall_force[LID, 1],
-        "floor": -state.wall_force[0, 1],
-    }
+def area(scene: skmpm.Scene, state: skmpm.State, seen: skmpm.Observables) -> float:
+    """Area inside all outlines over that at the start."""
+    return float(seen.bodies.area.sum() / outlined(scene.outlines, scene.initial_positions))
 
 
 def outlined(boundary: skmpm.outline.Outlines, x: np.ndarray) -> float:
@@ -55,7 +34,29 @@ def outlined(boundary: skmpm.outline.Outlines, x: np.ndarray) -> float:
     return float(skmpm.outline.curve(boundary, at).through(at).area(int(boundary.body.max()) + 1).sum())
 
 
-def draw_curves(table: list[dict[str, float]], path: Path) -> None:
+def outside(scene: skmpm.Scene, state: skmpm.State, seen: skmpm.Observables) -> float:
+    """Largest distance of a point behind a wall [cells]."""
+    depth = [-(n @ (state.x - point[:, None])).min() for n, point in zip(scene.normals.T, state.walls, strict=True)]
+    return float(max(0.0, *depth)) / scene.cell
+
+
+def spin(scene: skmpm.Scene, state: skmpm.State, seen: skmpm.Observables) -> float:
+    """Largest rotation of a disc in the step [rad]."""
+    rotation = np.bincount(state.body, 0.5 * (state.C[1, 0] - state.C[0, 1])) / np.bincount(state.body)
+    return float(np.abs(rotation).max()) * state.report.dt
+
+
+CHECKS = {
+    "area": area,
+    "volume": lambda scene, state, seen: state.volume.sum() / scene.initial_volumes.sum(),  # by det F
+    "outside": outside,
+    "spin": spin,
+    "lid": lambda scene, state, seen: state.wall_force[LID, 1],
+    "floor": lambda scene, state, seen: -state.wall_force[0, 1],
+}
+
+
+def draw_curves(table: list[Line], path: Path) -> None:
     """What the packing did against its solid fraction."""
     shown = {
         "pressure": ("pressure [MPa]", 1e-6),
@@ -72,51 +73,21 @@ def draw_curves(table: list[dict[str, float]], path: Path) -> None:
     picture(figure, path, 90)
 
 
-def main(options: argparse.Namespace) -> list[dict[str, float]]:
-    """Squeeze; write the tables and the series while it runs, the curves at the end. Returns the checks."""
-    options.out.mkdir(parents=True, exist_ok=True)
+def main(options: argparse.Namespace) -> list[Line]:
+    """Squeeze, draw the curves, and print and return the table."""
+    if (options.out / "options.json").exists():
+        raise SystemExit(f"{options.out} has a run: give another --out")
     began = perf_counter()
-    scene, until = build(options)
-    scheme = SCHEMES[options.scheme]
-    print(skmpm.preflight(scene, options.dt, scheme=scheme))
-    start = skmpm.initial(scene, scheme=scheme)
-    points = start.x.shape[1]
-    print(
-        f"{options.discs} discs, {points} points ({points / options.discs:.0f} per disc), "
-        f"{round(until / options.dt)} steps of {1e6 * options.dt:g} us, friction {options.friction:g}"
-    )
-    table: list[dict[str, float]] = []
-    checks: list[dict[str, float]] = []
-    filled = outlined(scene.outlines, scene.initial_positions)
-    saved = {"checkpoint": options.out / "last.checkpoint", "progress": True}
-    with (
-        skmpm.record(options.out / "packing.vtkhdf", scene) as series,
-        (options.out / "observables.csv").open("w", newline="") as file,
-        (options.out / "checks.csv").open("w", newline="") as checks_file,
-    ):
-        writer, checks_writer = csv.DictWriter(file, COLUMNS), csv.DictWriter(checks_file, CHECKS)
-        writer.writeheader()
-        checks_writer.writeheader()
-        run = skmpm.simulate(scene, dt=options.dt, until=until, scheme=scheme, start=start, **saved)
-        for step, state in enumerate(run, start=1):
-            seen = skmpm.observe(scene, state)
-            table.append({"step": step, **row(scene, state, seen)})
-            checks.append(check(step, scene, state, seen, options.dt, filled))
-            writer.writerow(table[-1])
-            checks_writer.writerow(checks[-1])
-            file.flush()
-            if step % options.every == 0:
-                series.write(state)
-        if step % options.every:
-            series.write(state)
+    table = compaction.run(options, CHECKS)
     draw_curves(table, options.out / "curves.png")
-    transit = round(float(start.walls[LID, 1]) / scene.fastest_wave / options.dt)
+    scene, _ = compaction.build(options)
+    transit = round(float(scene.walls[LID].point[1]) / scene.fastest_wave / options.dt)
     print(summary(table, perf_counter() - began))
-    print(verdict(checks, max(1, transit)))
-    return checks
+    print(verdict(table, max(1, transit)))
+    return table
 
 
-def summary(table: list[dict[str, float]], seconds: float) -> str:
+def summary(table: list[Line], seconds: float) -> str:
     """The figures to look at first."""
     end = table[-1]
     worst = {name: max(line[name] for line in table) for name in ("overlap", "residual", "newton")}
@@ -128,9 +99,9 @@ def summary(table: list[dict[str, float]], seconds: float) -> str:
     )
 
 
-def verdict(checks: list[dict[str, float]], transit: int) -> str:
+def verdict(table: list[Line], transit: int) -> str:
     """The worst of each check; wall forces as running means over the `transit` steps a wave needs."""
-    column = {name: np.array([line[name] for line in checks]) for name in CHECKS}
+    column = {name: np.array([line[name] for line in table]) for name in (*CHECKS, "solid_fraction_nominal")}
     mean = np.ones(transit) / transit
     lid, floor = (np.convolve(column[name], mean, mode="valid") for name in ("lid", "floor"))
     dense = column["solid_fraction_nominal"][transit - 1 :] > 0.90
@@ -145,7 +116,7 @@ def verdict(checks: list[dict[str, float]], transit: int) -> str:
 
 def parser() -> argparse.ArgumentParser:
     """The options of `compaction.py`."""
-    options = options_of()
+    options = compaction.parser()
     options.description = __doc__
     options.set_defaults(out=Path("out/main_job"))
     return options
