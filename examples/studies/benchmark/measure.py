@@ -157,14 +157,12 @@ def tile(setup: Result, cache: Path) -> Result:
 def single(setup: Result, cache: Path) -> Result:
     """One body of that many points by pyamg: a quasi-static step and a dynamic one."""
     found: Result = {}
-    lam, mu = skmpm.NeoHookean(**scenes.GEL).lame
-    wave = float(np.sqrt((lam + 2.0 * mu) / scenes.GEL["density"]))  # [m/s]
     for name in ("quasi-static", "dynamic"):
         scene, counts = scenes.single(setup["about"], pulled=name == "quasi-static"), list[int]()
         recorder = Recorder(partial(linear.amg, callback=counts.append))
         scheme = skmpm.Scheme(inertia=name == "dynamic", linear=recorder)
         state = skmpm.initial(scene, scheme=scheme)
-        state, times, phases = timed(scene, state, 10.0 * scene.cell / wave, scheme)
+        state, times, phases = timed(scene, state, 10.0 * scene.cell / scene.fastest_wave, scheme)
         found[name] = {
             **times,
             "newton": state.report.newton,

@@ -82,19 +82,17 @@ def squeezed(discs: int, cells: float, friction: float, cache: Path) -> tuple[sk
     scene, path = boxed(discs, cells, friction), cache / f"tile_{discs}_{cells:g}_{friction:g}.checkpoint"
     state = skmpm.load(path) if path.exists() else None
     if state is None or not np.array_equal(state.x_anchor, scene.initial_positions):
-        state = squeeze(discs, cells, friction)
+        state = squeeze(boxed(discs, cells, friction, speed_up=SPEED_UP), SQUEEZED)
         cache.mkdir(parents=True, exist_ok=True)
         skmpm.save(path, state)
     return scene, state
 
 
-def squeeze(discs: int, cells: float, friction: float) -> skmpm.State:
-    """Squeeze a tile faster than it will be measured, and slow it down."""
-    scene = boxed(discs, cells, friction, speed_up=SPEED_UP)
-    start = skmpm.initial(scene)
+def squeeze(scene: skmpm.Scene, full: float) -> skmpm.State:
+    """Squeeze a box to a nominal solid fraction, faster by `SPEED_UP` than it will be measured, and slow it down."""
     lid, height = -scene.walls[1].velocity[1], float(scene.walls[1].point[1])
-    until = (height - scene.initial_volumes.sum() / (scene.walls[3].point[0] * SQUEEZED)) / lid
-    (state,) = deque(skmpm.simulate(scene, dt=DT, until=until, start=start), maxlen=1)
+    until = (height - scene.initial_volumes.sum() / (scene.walls[3].point[0] * full)) / lid
+    (state,) = deque(skmpm.simulate(scene, dt=DT, until=until), maxlen=1)
     return replace(state, v=state.v / SPEED_UP, C=state.C / SPEED_UP)
 
 
@@ -190,14 +188,14 @@ def free(discs: int, cells: float, law: str) -> tuple[skmpm.Scene, skmpm.State]:
     radii, material = np.random.default_rng(0).uniform(*RADII, discs), getattr(skmpm, law)(**GEL)
     centres = pitch * np.transpose(np.divmod(np.arange(discs), int(np.ceil(np.sqrt(discs)))))
     bodies = [
-        skmpm.Body(skmpm.disc(c, R, spacing=SPACING * cell), material, velocity=_swing(c, R))
+        skmpm.Body(skmpm.disc(c, R, spacing=SPACING * cell), material, velocity=swing(c, R))
         for c, R in zip(centres, radii.tolist(), strict=True)
     ]
     scene = skmpm.Scene(bodies, cell=cell)
     return scene, skmpm.initial(scene)
 
 
-def _swing(centre: Array, radius: float) -> Callable[[Array], Array]:
+def swing(centre: Array, radius: float) -> Callable[[Array], Array]:
     """Longer and thinner at 2 m/s at the boundary."""
     return lambda x: 2.0 / radius * np.array([[1.0], [-1.0]]) * (x - centre[:, None])
 
@@ -207,7 +205,7 @@ def single(points: int, *, pulled: bool) -> skmpm.Scene:
     spacing = float(np.sqrt(np.pi / points))
     cell = spacing / SPACING
     centre = cell * np.random.default_rng(points).uniform(size=2)
-    body = skmpm.Body(skmpm.disc(centre, 1.0, spacing=spacing), skmpm.NeoHookean(**GEL), velocity=_swing(centre, 1.0))
+    body = skmpm.Body(skmpm.disc(centre, 1.0, spacing=spacing), skmpm.NeoHookean(**GEL), velocity=swing(centre, 1.0))
     if not pulled:
         return skmpm.Scene([body], cell=cell)
     held = skmpm.Support(lambda x: x[0] < centre[0] - 0.9)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -69,11 +68,7 @@ def large(cells: float, law: str = "NeoHookean", shift: float = 0.0, **motion: A
 
 def alone(cells: float, law: str = "NeoHookean", **options: Any) -> Variant:
     """A disc that swings by about 1 % and touches nothing."""
-
-    def swing(x: np.ndarray) -> np.ndarray:
-        return 2.0 / RADIUS * np.array([[1.0], [-1.0]]) * (x - centre(cells)[:, None])
-
-    body = large(cells, law, velocity=options.pop("velocity", swing))
+    body = large(cells, law, velocity=options.pop("velocity", boxes.swing(centre(cells), RADIUS)))
     return Variant(skmpm.Scene([body], cell=RADIUS / cells, **options))
 
 
@@ -104,10 +99,7 @@ def pulled(cells: float) -> Variant:
 def packing(discs: int, cells: float, friction: float = 0.5, law: str = "NeoHookean") -> Variant:
     """Discs squeezed to `FRACTION` faster than they will be measured, and slowed down."""
     fast, slow = (boxed(discs, cells, friction, law, speed_up) for speed_up in (SPEED_UP, 1.0))
-    width, height, lid = fast.walls[3].point[0], fast.walls[1].point[1], -fast.walls[1].velocity[1]
-    until = (height - fast.initial_volumes.sum() / (width * FRACTION)) / lid
-    (state,) = deque(skmpm.simulate(fast, dt=DT, until=until), maxlen=1)
-    return Variant(slow, replace(state, v=state.v / SPEED_UP, C=state.C / SPEED_UP))
+    return Variant(slow, boxes.squeeze(fast, FRACTION))
 
 
 def boxed(discs: int, cells: float, friction: float, law: str, speed_up: float) -> skmpm.Scene:

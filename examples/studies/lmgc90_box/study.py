@@ -81,8 +81,7 @@ def row(box: skmpm.Scene, state: skmpm.State) -> Row:
 
 def block(box: skmpm.Scene) -> float:
     """Force that a solid block as wide as the box would exert on the lid before waves return, rho c v width [N/m]."""
-    wave = STEEL.E * (1.0 - STEEL.nu) / ((1.0 + STEEL.nu) * (1.0 - 2.0 * STEEL.nu) * STEEL.density)
-    return float(STEEL.density * np.sqrt(wave) * LID * box.walls[-1].point[0])
+    return float(STEEL.density * box.fastest_wave * LID * box.walls[-1].point[0])
 
 
 def cost(box: skmpm.Scene, member: Member, name: str) -> float:

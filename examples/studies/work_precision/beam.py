@@ -15,7 +15,7 @@ import skmpm
 
 from .meter import Meter
 from .parameters import Setting, scheme_of
-from .statics import LAMBDA, MU, NU, E, law, rotation, turned
+from .statics import LAMBDA, LAWS, MU, NU, E, rotation, turned
 
 Array = NDArray[np.float64]
 Measured = dict[str, Any]
@@ -29,7 +29,7 @@ def cantilever(setting: Setting, position: int, meter: Meter) -> Measured:
     """Tip deflection, and the rms of the error of stress away from clamp and load over that of the stress."""
     cell, (*offset, angle) = 0.5 * DEPTH / setting["cells"], POSITIONS[position]
     straight, shift = skmpm.box((0, 0), (LENGTH, DEPTH), spacing=setting["spacing"] * cell), cell * np.array(offset)
-    beam = skmpm.Body(turned(straight, angle, shift), law(setting, "linear"))
+    beam = skmpm.Body(turned(straight, angle, shift), LAWS[setting["material"]])
 
     def along(x: Array) -> Array:
         return np.asarray(rotation(angle)[:, 0] @ (x - shift[:, None]))

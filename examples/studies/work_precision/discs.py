@@ -9,16 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 import skmpm
+from skmpm.scene import centres, fitted_motions
 
 from .meter import Meter
 from .parameters import Setting, scheme_of
+from .statics import rotation
 
 Array = NDArray[np.float64]
 Measured = dict[str, Any]
 
 # Two discs, off centre by one radius, that approach at 0.2 m/s, a sixth of the speed of sound.
 R, E, NU, DENSITY, SPEED, FRICTION = 0.2, 1000.0, 0.3, 1000.0, 0.1, 0.3
-LAWS = {"finite": skmpm.NeoHookean(E, NU, DENSITY), "linear": skmpm.LinearElastic(E, NU, DENSITY)}
+LAWS = {"own": skmpm.NeoHookean(E, NU, DENSITY), "other": skmpm.LinearElastic(E, NU, DENSITY)}
 COLLISION_DT = 0.02  # [s]
 PARTED = 2.2  # [s]
 POSITIONS = ((0.3, 0.4, 0.0), (0.62, 0.17, 0.9))  # offset on the grid [cells], angle
@@ -26,7 +28,7 @@ POSITIONS = ((0.3, 0.4, 0.0), (0.62, 0.17, 0.9))  # offset on the grid [cells], 
 # The packing: the main job in small.
 DISCS, START, END, LID, FRICTIONAL = 30, 0.70, 0.92, 2.0, 0.5
 SOFT = {"E": 10e6, "nu": 0.45, "density": 990.0}
-GELS = {"finite": skmpm.NeoHookean(**SOFT), "linear": skmpm.LinearElastic(**SOFT)}
+GELS = {"own": skmpm.NeoHookean(**SOFT), "other": skmpm.LinearElastic(**SOFT)}
 MEAN = 0.95e-3  # radius [m]
 RADII = np.random.default_rng(0).uniform(0.7e-3, 1.2e-3, DISCS)
 SMALLEST = float(RADII.min())
@@ -37,27 +39,16 @@ MARKS = 0.0005  # of the solid fraction, whose multiples outlines are looked at 
 THICKNESS = 3.0  # of walls made of points [cells]
 
 
-def wave(material: Any) -> float:
-    """Speed of pressure waves [m/s]."""
-    lam, mu = material.lame
-    return float(np.sqrt((lam + 2.0 * mu) / material.density))
-
-
 def time_step(setting: Setting, own: float) -> float | None:
     """The scene's own step times the pace; None where steps are chosen."""
     return None if setting["chosen"] else float(own * setting["pace"])
 
 
-def own(laws: dict[str, Any], setting: Setting) -> Any:
-    """The finite-strain material, or the other one."""
-    return laws["finite" if setting["material"] == "own" else "linear"]
-
-
 def collision(setting: Setting, position: int, meter: Meter) -> Measured:
     """Velocity of the first disc along and across the line of approach over its speed, and R omega over it."""
     cell, (*offset, angle) = R / setting["cells"], POSITIONS[position]
-    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    material, apart = own(LAWS, setting), 2.0 * R * np.sqrt(0.75) + 0.02 * R
+    turn = rotation(angle)
+    material, apart = LAWS[setting["material"]], 2.0 * R * np.sqrt(0.75) + 0.02 * R
     bodies = []
     for centre, v in (((0.0, 0.0), (SPEED, 0.0)), ((apart, R), (-SPEED, 0.0))):
         cloud = skmpm.disc(turn @ centre + cell * np.array(offset), R, spacing=setting["spacing"] * cell)
@@ -66,16 +57,13 @@ def collision(setting: Setting, position: int, meter: Meter) -> Measured:
     scheme = scheme_of(setting, inertia=True, solver=meter)
     dt = time_step(setting, COLLISION_DT)
     *_, state = meter.states(scene, dt=dt, until=PARTED, scheme=scheme)
-    first = state.body == 0
-    m, x, v = state.mass[first], state.x[:, first], state.v[:, first]
-    mean, arm = v @ m / m.sum(), x - (x @ m / m.sum())[:, None]
-    spin = float(m @ (arm[0] * v[1] - arm[1] * v[0]) / (m @ (arm**2).sum(axis=0)))
+    *mean, spin = fitted_motions(state.x, state.v, state.mass, state.body)[:, 0]
     along, across = turn.T @ mean / SPEED
     contact = float(state.contacts.force[0].max(initial=0.0))
-    return {"along": float(along), "across": float(across), "spin": R * spin / SPEED, "touching": contact}
+    return {"along": float(along), "across": float(across), "spin": float(R * spin / SPEED), "touching": contact}
 
 
-def collision_errors(measured: Measured, reference: Measured, position: int) -> dict[str, float]:
+def collision_errors(measured: Measured, reference: Measured) -> dict[str, float]:
     """Of the change of velocity, along and across, and of the spin, over the reference's; infinite if not apart."""
     apart = 0.0 if measured["touching"] == 0.0 else float("inf")
     before = {"along": 1.0, "across": 0.0, "spin": 0.0}
@@ -121,7 +109,7 @@ def box_of_discs(setting: Setting, cell: float) -> tuple[skmpm.Scene, float, flo
     centres, height = packing.centres, float(packing.height)
     if setting["perturbed"]:
         centres = centres + setting["perturbed"] * MEAN * np.random.default_rng(1).normal(size=centres.shape)
-    material, spacing = own(GELS, setting), setting["spacing"] * cell
+    material, spacing = GELS[setting["material"]], setting["spacing"] * cell
     bodies = [
         skmpm.Body(skmpm.disc(centre, radius, spacing=spacing), material)
         for centre, radius in zip(centres.T, packing.radii, strict=True)
@@ -171,11 +159,7 @@ def watched(scene: skmpm.Scene, state: skmpm.State, thickness: float, height: fl
 def pressures(scene: skmpm.Scene, state: skmpm.State, fraction: float) -> dict[str, float]:
     """Of the contact forces (Love and Weber), for both kinds of walls [Pa], and the force on the lid [N/m]."""
     found, soft = state.contacts, scene.deformable
-    tangent = np.stack([-found.normal[1], found.normal[0]])
-    force = found.force[0] * found.normal + found.force[1] * tangent
-    centre = np.stack([np.bincount(state.body, state.mass * x) for x in state.x]) / np.bincount(
-        state.body, state.mass
-    )
+    force, centre = found.vectors, centres(state.x, state.mass, state.body)
     trace = 0.0
     for body, sign in zip(found.bodies, (1.0, -1.0), strict=True):
         mine = (body >= 0) & soft[body]
@@ -185,7 +169,7 @@ def pressures(scene: skmpm.Scene, state: skmpm.State, fraction: float) -> dict[s
     return {"pressure": -0.5 * trace / area, "lid": float(force[1] @ (1.0 * lid[0] - lid[1]))}
 
 
-def packing_errors(measured: Measured, reference: Measured, position: int) -> dict[str, float]:
+def packing_errors(measured: Measured, reference: Measured) -> dict[str, float]:
     """Relative errors of the lid's work up to `WORK`, and of pressure and alpha - 1 above.
 
     Of the last two, the sum of differences between means over intervals of 0.01, over the sum of the reference's.

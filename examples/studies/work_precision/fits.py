@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from skmpm.material import wave_speed
 from skmpm.preflight.suggest import LAWS, Law
 
 from . import discs, speeds
@@ -74,7 +75,7 @@ def resolution(run: Run) -> tuple[float, float]:
     """R/h and the length of a step."""
     n, step_control = SIZES.get(run.scene, 1.0) * run.setting["cells"], run.setting["pace"]
     if run.scene == "collision":
-        return n, step_control * discs.COLLISION_DT * discs.wave(discs.LAWS["finite"]) / discs.R
+        return n, step_control * discs.COLLISION_DT * wave_speed(discs.LAWS["own"]) / discs.R
     if run.scene == "packing":
         return n, discs.stride(discs.RADII, 1.0 / discs.START - 1.0 / discs.END, run.cost["steps"])
     return n, discs.stride(speeds.RADII, speeds.STRAIN / speeds.REST, run.cost["steps"]) if run.scene in LIDS else 0.0

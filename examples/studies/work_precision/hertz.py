@@ -13,7 +13,7 @@ import skmpm
 
 from .meter import Meter
 from .parameters import Setting, scheme_of
-from .statics import DENSITY, NU, E, law, rotation, turned
+from .statics import DENSITY, LAWS, NU, E, rotation, turned
 
 Array = NDArray[np.float64]
 Measured = dict[str, Any]
@@ -60,7 +60,7 @@ def between_plates(
     cell, normal = 1.0 / setting["cells"], rotation(angle)[:, 1]
     spacing = setting["spacing"] * cell
     cloud = turned(skmpm.disc((0, 0), 1.0, spacing=spacing), phase, middle)
-    bodies, walls = [skmpm.Body(cloud, law(setting, "linear"))], []
+    bodies, walls = [skmpm.Body(cloud, LAWS[setting["material"]])], []
     for s in (1.0, -1.0):
 
         def velocity(t: float, s: float = s) -> Array:
@@ -81,8 +81,7 @@ def between_plates(
 def pressed(scene: skmpm.Scene, state: skmpm.State, middle: Array, normal: Array) -> tuple[float, float]:
     """Force along the normal, mean of both plates [N/m], and four times the second moment along the contact [m2]."""
     found, across = state.contacts, np.array([-normal[1], normal[0]])
-    tangent = np.stack([-found.normal[1], found.normal[0]])
-    push = np.abs(normal @ (found.force[0] * found.normal + found.force[1] * tangent))
+    push = np.abs(normal @ found.vectors)
     own = (found.point >= 0) & (found.bodies[0] == 0)
     x = np.where(own, scene.initial_positions[:, np.where(own, found.point, 0)], found.x) - middle[:, None]
     force, moment = 0.0, 0.0
@@ -94,11 +93,17 @@ def pressed(scene: skmpm.Scene, state: skmpm.State, middle: Array, normal: Array
     return force, moment
 
 
-def reference(depth: float) -> tuple[float, float]:
-    """Force over E* R and half-width over R of plane Hertz contact, both as finite elements correct them."""
+def formula(depth: float) -> tuple[float, float]:
+    """Force over E* R and half-width over R of plane Hertz contact."""
 
     def off(force: float) -> float:
         return float(force / np.pi * (2.0 * np.log(4.0 / np.sqrt(4.0 * force / np.pi)) - 1.0) - depth)
 
-    force, (more, wider) = float(brentq(off, 1e-9, 0.3)), TABLE[depth]
-    return more * force, wider * float(np.sqrt(4.0 * force / np.pi))
+    force = float(brentq(off, 1e-9, 0.3))
+    return force, float(np.sqrt(4.0 * force / np.pi))
+
+
+def reference(depth: float) -> tuple[float, float]:
+    """The same as finite elements correct it."""
+    (force, width), (more, wider) = formula(depth), TABLE[depth]
+    return more * force, wider * width

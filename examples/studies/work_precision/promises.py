@@ -17,11 +17,12 @@ from time import process_time
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 from skfem import Basis, ElementQuad2, ElementVector, LinearForm, MeshQuad, condense, solve
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import skmpm
+from skmpm.material import wave_speed
+from skmpm.scene import fitted_motions
 
 from .. import pages
 from ..pages import table
@@ -60,7 +61,7 @@ def block(at: Resolution) -> Errors:
         def left(x: Array, turn: Array = turn, shift: Array = shift) -> Array:
             return np.asarray(turn[:, 0] @ (x - shift[:, None]) < 1e-9)
 
-        body = skmpm.Body(turned(cloud, angle, shift), LAWS["linear"])
+        body = skmpm.Body(turned(cloud, angle, shift), LAWS["own"])
         scene = skmpm.Scene([body], cell=cell, supports=[skmpm.Support(left)], gravity=tuple(-g * turn[:, 1]))
         scheme = skmpm.Scheme.balanced(inertia=False)
         state = skmpm.step(scene, skmpm.initial(scene, scheme=scheme), 1.0, scheme=scheme)
@@ -91,11 +92,7 @@ def rubber(at: Resolution) -> Errors:
     """
     cell, spacing, _ = at
     modulus = RUBBER.E / (1.0 - RUBBER.nu**2)
-
-    def off(force: float, approach: float) -> float:
-        return float(force / np.pi * (2.0 * np.log(4.0 / np.sqrt(4.0 * force / np.pi)) - 1.0) - approach)
-
-    known = [float(brentq(off, 1e-9, 0.3, (approach,))) for approach in APPROACHES]
+    known_force, known_width = hertz.formula(APPROACHES[0])[0], hertz.formula(APPROACHES[1])[1]
     found = []
     for *offset, angle in POSITIONS:
         middle, normal = cell * np.array(offset), rotation(angle)[:, 1]
@@ -108,8 +105,8 @@ def rubber(at: Resolution) -> Errors:
         second = skmpm.step(scene, first, APPROACHES[1] - APPROACHES[0], scheme=scheme)
         force, _ = hertz.pressed(scene, first, middle, normal)
         _, moment = hertz.pressed(scene, second, middle, normal)
-        width = np.sqrt(moment) / SMALL / np.sqrt(4.0 * known[1] / np.pi)
-        found.append({"force": abs(force / modulus / SMALL / known[0] - 1.0), "half-width": abs(width - 1.0)})
+        off = abs(force / modulus / SMALL / known_force - 1.0), abs(np.sqrt(moment) / SMALL / known_width - 1.0)
+        found.append(dict(zip(("force", "half-width"), off, strict=True)))
     return together(found)
 
 
@@ -125,15 +122,14 @@ def flung(at: Resolution, scheme: skmpm.Scheme | None = None) -> dict[str, Array
         scene = skmpm.Scene([body], cell=cell, walls=[skmpm.Wall(shift, (0, 1), friction=ROUGH)])
         chosen = scheme or skmpm.Scheme.balanced()
         *_, state = skmpm.simulate(scene, dt=dt, until=0.6 * FLUNG / -SPEED[1] + 0.01, scheme=chosen)
-        m, arm = state.mass, state.x - (state.x @ state.mass / state.mass.sum())[:, None]
-        spin = m @ (arm[0] * state.v[1] - arm[1] * state.v[0]) / (m @ (arm**2).sum(axis=0))
-        found.append([*(state.v @ m / m.sum()), FLUNG * spin] / -np.array(SPEED[1]))
+        motion = fitted_motions(state.x, state.v, state.mass, state.body)[:, 0]
+        found.append(motion * [1.0, 1.0, FLUNG] / -SPEED[1])
     return dict(zip(("along", "across", "spin"), np.array(found).T, strict=True))
 
 
 def rebound(at: Resolution) -> Errors:
     """Changes of velocity and spin against those of a fine run, midpoint rule."""
-    n, c = 20.0, discs.wave(FOAM)
+    n, c = 20.0, wave_speed(FOAM)
     mine, known = flung(at), flung((FLUNG / n, 0.5 * FLUNG / n, 0.015 * FLUNG / c), skmpm.Scheme.accurate(theta=0.5))
     before = {"along": -SPEED[0] / SPEED[1], "across": -1.0, "spin": -FLUNG * SPIN / SPEED[1]}
     rms = {name: np.sqrt(np.mean((mine[name] - known[name]) ** 2)) for name in before}
@@ -197,7 +193,7 @@ def promises() -> list[Promise]:
     coarse = FLUNG / 4.0
     floor, lid = skmpm.Wall((0, 0), (0, 1)), skmpm.Wall((0, 1), (0, -1), velocity=(0.0, -LID))
     row = [skmpm.Body(skmpm.disc((3.0 * i * RADII.max(), 0.1), r, spacing=r / 4), STUFF) for i, r in enumerate(RADII)]
-    plank = skmpm.Body(skmpm.box((0, 0), BLOCK, spacing=0.1), LAWS["linear"])
+    plank = skmpm.Body(skmpm.box((0, 0), BLOCK, spacing=0.1), LAWS["own"])
     ball = skmpm.Body(skmpm.disc((0, SMALL), SMALL, spacing=SMALL / 5), RUBBER)
     thrown = skmpm.Body(skmpm.disc((0, FLUNG), FLUNG, spacing=coarse), FOAM, velocity=SPEED, spin=SPIN)
     return [

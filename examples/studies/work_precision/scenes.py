@@ -36,13 +36,13 @@ class Case:
     """A scene of the study: measured at positions on the grid, or by one long run."""
 
     measure: Callable[[Setting, int, Meter], Measured] | None  # at one position on the grid
-    errors: Callable[[Measured, Measured, int], dict[str, float]]  # of a run, against the reference, at one of them
+    errors: Callable[[Measured, Measured], dict[str, float]]  # of a run, against the reference, at one of them
     parameters: frozenset[str]  # that make a difference
     inertia: bool  # of implicit steps
     positions: int
     limit: float  # processor time [s] after which a run is stopped
-    reference: Setting | None  # the run that is the reference; None: it is known without
-    second: Setting | None  # as fine or nearly, for the floor: what the reference itself is uncertain by
+    reference: Setting | None = None  # the run that is the reference; None: it is known without
+    second: Setting | None = None  # as fine or nearly, for the floor: what the reference itself is uncertain by
     settings: tuple[Setting, ...] = ()  # all that is run, if not what the parameters ask for
     run: Callable[[Setting, Meter, Path], skmpm.Run] | None = None  # what `measure` is too long for
     against: str = ""  # the scene whose reference counts, if it is another
@@ -57,8 +57,6 @@ CASES = {
         inertia=False,
         positions=4,
         limit=200.0,
-        reference=None,
-        second=None,
     ),
     "hertz": Case(
         hertz.hertz,
@@ -67,8 +65,6 @@ CASES = {
         inertia=False,
         positions=12,
         limit=200.0,
-        reference=None,
-        second=None,
     ),
     "collision": Case(
         discs.collision,
@@ -151,6 +147,6 @@ def errors_of(name: str, measured: list[Measured], reference: list[Measured] | N
     """Relative errors by quantity, root mean square over the positions, and the largest of them."""
     case = CASES[name]
     known = reference or [{}] * case.positions
-    each = [case.errors(m, r, position) for position, (m, r) in enumerate(zip(measured, known, strict=True))]
+    each = [case.errors(m, r) for m, r in zip(measured, known, strict=True)]
     found = {name: float(np.sqrt(np.mean([one[name] ** 2 for one in each]))) for name in each[0]}
     return found | {"largest": max(found.values())}

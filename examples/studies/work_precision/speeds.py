@@ -39,7 +39,7 @@ def packing(setting: Setting, speed: float) -> tuple[skmpm.Scene, float, float]:
     packed = skmpm.packing(RADII, width, solid_fraction=START, seed=3)
     cell = discs.MEAN / setting["cells"]
     bodies = [
-        skmpm.Body(skmpm.disc(centre, radius, spacing=setting["spacing"] * cell), discs.GELS["finite"])
+        skmpm.Body(skmpm.disc(centre, radius, spacing=setting["spacing"] * cell), discs.GELS["own"])
         for centre, radius in zip(packed.centres.T, packed.radii, strict=True)
     ]
     floor, lid, *sides = discs.planes(width, float(packed.height))
@@ -83,7 +83,7 @@ def squeeze(setting: Setting, meter: Meter, kept: Path, *, speed: float, rested:
     return skmpm.Run(scene, until, dt=dt, scheme=scheme, start=start, observe=look, simulate=meter.states)
 
 
-def squeeze_errors(measured: Measured, reference: Measured, position: int) -> dict[str, float]:
+def squeeze_errors(measured: Measured, reference: Measured) -> dict[str, float]:
     """Sum of differences of mean pressures over `BINS` parts of the stroke over their sum, and error of the work.
 
     A step's force acts all along its way.

@@ -9,20 +9,12 @@ from numpy.typing import NDArray
 
 import skmpm
 
-from .parameters import Setting
-
 Array = NDArray[np.float64]
 Measured = dict[str, Any]
 
 E, NU, DENSITY = 1e6, 0.3, 1000.0
-LAWS = {"linear": skmpm.LinearElastic(E, NU, DENSITY), "finite": skmpm.NeoHookean(E, NU, DENSITY)}
-LAMBDA, MU = LAWS["linear"].lame
-
-
-def law(setting: Setting, own: str) -> Any:
-    """The scene's own material, or the other one."""
-    other = {"linear": "finite", "finite": "linear"}[own]
-    return LAWS[own if setting["material"] == "own" else other]
+LAWS = {"own": skmpm.LinearElastic(E, NU, DENSITY), "other": skmpm.NeoHookean(E, NU, DENSITY)}
+LAMBDA, MU = LAWS["own"].lame
 
 
 def turned(points: skmpm.Points, angle: float, shift: Array) -> skmpm.Points:
@@ -35,6 +27,6 @@ def rotation(angle: float) -> Array:
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
-def known_errors(measured: Measured, reference: Measured, position: int) -> dict[str, float]:
+def known_errors(measured: Measured, reference: Measured) -> dict[str, float]:
     """The run itself has compared with what is known."""
     return dict(measured["errors"])
