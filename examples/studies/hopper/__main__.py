@@ -7,7 +7,7 @@ if not __package__:  # run by path: the packages are looked for in the root of t
     sys.path[0] = str(Path(__file__).resolve().parents[3])
 
 from examples.studies import sweeps
-from examples.studies.hopper import figures, study
+from examples.studies.hopper import study
 
 if __name__ == "__main__":
-    sweeps.command(study, figures)
+    sweeps.command(study)
