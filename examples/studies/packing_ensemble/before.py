@@ -53,36 +53,25 @@ def curve(before: Curves, friction: float, name: str) -> tuple[Array, Array]:
 
 
 def lines(before: Curves, found: Study) -> list[tuple[str, ...]]:
-    """Rows of the table: before, now at 2 m/s, now quasi-static, at some solid fractions."""
-    result = []
-    at = np.searchsorted(PHI, np.array(AT) - 1e-9)
+    """A table of before, now at 2 m/s and now quasi-static at some solid fractions, each with its standard error."""
+    names = ("before_2m_s", "now_2m_s", "now_quasistatic")
+    head = ("measure", "friction", "solid_fraction", *(f"{n}{end}" for n in names for end in ("", "_error")))
+    result, at = [(*head, "change_2m_s_percent")], np.searchsorted(PHI, np.array(AT) - 1e-9)
     for name, label in MEASURES.items():
         unit, digits = UNITS.get(name, 1.0), 2 if name == "coordination" else 4
         for friction in FRICTIONS:
             sides = [curve(before, friction, name)]
             sides += [found.curve(kind, friction, name) for kind in ("fast", "quasistatic")]
             for k in at:
-                cells = [figure(unit * value[k], unit * error[k], digits) for value, error in sides]
-                result.append(
-                    (label, f"{friction:g}", f"{PHI[k]:.2f}", *cells, change(sides[0][0][k], sides[1][0][k]))
-                )
+                both = [figure(unit * each[k], digits=digits) for side in sides for each in side]
+                changed = change(sides[0][0][k], sides[1][0][k])
+                result.append((label, f"{friction:g}", f"{PHI[k]:.2f}", *both, changed))
     return result
 
 
 def change(old: float, new: float) -> str:
-    """By how much the packings at 2 m/s differ now."""
-    return f"{100.0 * (new / old - 1.0):+.1f} %" if np.isfinite(old) and np.isfinite(new) and old != 0.0 else "-"
-
-
-def split(rows: list[tuple[str, ...]]) -> list[tuple[str, ...]]:
-    """All of them for a file, a standard error in a column of its own."""
-    names = ("before_2m_s", "now_2m_s", "now_quasistatic")
-    head = ("measure", "friction", "solid_fraction", *(f"{n}{end}" for n in names for end in ("", "_error")))
-    lines = [(*head, "change_2m_s_percent")]
-    for *where, first, second, third, change in rows:
-        both = [part for cell in (first, second, third) for part in [*cell.split(" ± "), "-"][:2]]
-        lines.append((*where, *both, change.removesuffix(" %")))
-    return lines
+    """By how much the packings at 2 m/s differ now [%]."""
+    return f"{100.0 * (new / old - 1.0):+.1f}" if np.isfinite(old) and np.isfinite(new) and old != 0.0 else "-"
 
 
 def drawn(before: Curves, found: Study) -> Figure | None:

@@ -20,8 +20,11 @@ LARGEST = 120_000  # bytes
 TONES = 128  # colours of a picture
 
 
-def save(figure: Figure, path: Path) -> None:
-    """Write a small PNG."""
+def save(figure: Figure | None, path: Path) -> bool:
+    """Write a small PNG; without a figure delete one of an earlier study, which would be mistaken for this one's."""
+    if figure is None:
+        path.unlink(missing_ok=True)
+        return False
     for dpi in DPI:
         memory = io.BytesIO()
         figure.savefig(memory, dpi=dpi)
@@ -30,6 +33,7 @@ def save(figure: Figure, path: Path) -> None:
         if path.stat().st_size < LARGEST:
             break
     plt.close(figure)
+    return True
 
 
 def panels(

@@ -97,28 +97,25 @@ def pictures(captions: dict[str, str]) -> str:
     return "\n\n".join(shown) or "Nothing has been run yet."
 
 
-def curves(found: Study) -> str:
-    """What the pictures show as a table in CSV: the curves of every member, 0.0025 of a solid fraction apart."""
-    lines = ["member,solid_fraction," + ",".join(CURVES)]
+def curves(found: Study) -> list[Line]:
+    """What the pictures show as a table: the curves of every member, 0.0025 of a solid fraction apart."""
+    lines: list[Line] = [("member", "solid_fraction", *CURVES)]
     for name, member in found.members.items():
         values = np.stack([member.over(column, EARLY) for column in CURVES], axis=1)
         reached = np.isfinite(values).any(axis=1)
         for phi, line in zip(EARLY[reached], values[reached], strict=True):
-            lines.append(f"{name},{phi:.4f}," + ",".join(f"{value:.5g}" for value in line))
-    return "\n".join(lines) + "\n"
+            lines.append((name, f"{phi:.4f}", *(f"{value:.5g}" for value in line)))
+    return lines
 
 
 def compared(found: Study, folder: Path) -> str:
     """Before and after: the picture if there is something to compare; writes all values as CSV."""
     earlier = before.read(folder / before.BEFORE)
-    image, path = before.drawn(earlier, found), folder / "before.png"
-    pages.keep(folder, {"before": before.split(before.lines(earlier, found))})
-    if image is None:
-        path.unlink(missing_ok=True)
+    pages.keep(folder, {"before": before.lines(earlier, found)})
+    if not save(before.drawn(earlier, found), folder / "before.png"):
         return "Nothing to compare."
-    save(image, path)
     caption = "Packings now, at 2 m/s (lines with bands) and quasi-static (dotted), and before (dashed)."
-    return f"![before](packing_ensemble/before.png)\n\n*{caption}*"
+    return pictures({"before.png": caption})
 
 
 def write(out: Path, docs: Path) -> list[Row]:
@@ -140,8 +137,8 @@ def write(out: Path, docs: Path) -> list[Row]:
             "before": compared(found, folder),
             "pictures": pictures(draw(found, folder)),
         }
-        (folder / "curves.csv").write_text(curves(found))
         files = {
+            "curves": curves(found),
             "targets": summary.judged_twice(first, second, ("uniaxial", "isotropic")),
             "claims": summary.judged_twice(fast, slow, ("2 m/s", "quasi-static")),
             "grid": summary.judged(grid),

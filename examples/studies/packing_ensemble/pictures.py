@@ -8,7 +8,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from . import artefact, ensembles, snapshots
+from . import ensembles, snapshots
 from .curves import Study
 from .drawing import save
 
@@ -23,11 +23,8 @@ def draw(found: Study, folder: Path) -> dict[str, str]:
         except snapshots.StatesGoneError:
             captions |= {name: caption} if (folder / name).exists() else {}
             continue
-        if figure is None:
-            (folder / name).unlink(missing_ok=True)  # one of an earlier study would be mistaken for this one's
-            continue
-        save(figure, folder / name)
-        captions[name] = caption
+        if save(figure, folder / name):
+            captions[name] = caption
     return captions
 
 
@@ -72,7 +69,7 @@ PICTURES: dict[str, tuple[Callable[[Study], Figure | None], str]] = {
         "standard deviation), and coordination without rattlers less their mean.",
     ),
     "artefact.png": (
-        artefact.artefact,
+        ensembles.artefact,
         "Interior pressure where it first resists: left with contact at shared nodes, right at outlines. "
         "Vertical lines: the formula at rest (dashed) and at 2 m/s (dotted); dots: first changes.",
     ),
@@ -82,7 +79,7 @@ PICTURES: dict[str, tuple[Callable[[Study], Figure | None], str]] = {
         " and lines of force. In the mode of Nezamabadi et al. (2017) discs push each other across gaps.",
     ),
     "forgetting.png": (
-        artefact.forgetting,
+        ensembles.forgetting,
         "What forgetting stress at cell crossings does to the pressure: the same packing, friction 0.5, 2 m/s.",
     ),
 }

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
 from .claims import NOT_RUN, Row, decide
-from .curves import Array, Member, Study
+from .curves import Member, Study
 from .fits import last_passage
 from .members import RADIUS
 from .scenes import DENSITY
@@ -25,8 +26,18 @@ def still(found: Study) -> list[Row]:
         members = [m for friction in FRICTIONS for m in found.seeds(kind, friction)]
         result += [
             most(f"{words}: inertial number at P = {AT_PRESSURE:g} E*", members, inertial, INERTIAL),
-            most(f"{words}: unbalanced force ratio, median above that pressure", members, unbalanced, SMALL),
-            most(f"{words}: kinetic over elastic energy, median above that pressure", members, kinetic, SMALL),
+            most(
+                f"{words}: unbalanced force ratio, median above that pressure",
+                members,
+                partial(median, name="unbalanced"),
+                SMALL,
+            ),
+            most(
+                f"{words}: kinetic over elastic energy, median above that pressure",
+                members,
+                partial(median, name="kinetic", over="elastic"),
+                SMALL,
+            ),
             most(f"{words}: step of Phi, median from 0.01 below jamming to 0.02 above", members, step, STEP),
         ]
     return result
@@ -57,24 +68,10 @@ def inertial(member: Member) -> float:
     return rate * 2.0 * RADIUS * float(np.sqrt(DENSITY / (AT_PRESSURE * member.plane)))
 
 
-def pressed(member: Member) -> Array:
-    """Rows of a pressure above 1e-3 E*."""
-    return member.column("pressure") > AT_PRESSURE * member.plane
-
-
-def unbalanced(member: Member) -> float:
-    """Median of the ratio, each step weighted with its strain."""
-    return median(member, member.column("unbalanced"))
-
-
-def kinetic(member: Member) -> float:
-    """Median of the ratio, each step weighted with its strain."""
-    return median(member, member.column("kinetic") / member.column("elastic"))
-
-
-def median(member: Member, values: Array) -> float:
-    """Of the rows under pressure, weighted with the time of their steps."""
-    chosen = pressed(member) & np.isfinite(values)
+def median(member: Member, name: str, over: str | None = None) -> float:
+    """Of a column, or of its ratio to another, above that pressure, weighted with the time of steps."""
+    values = member.column(name) / (1.0 if over is None else member.column(over))
+    chosen = (member.column("pressure") > AT_PRESSURE * member.plane) & np.isfinite(values)
     if not chosen.any():
         return np.nan
     weight, values = np.diff(member.table["t"], prepend=0.0)[chosen], values[chosen]

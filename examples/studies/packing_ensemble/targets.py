@@ -6,8 +6,6 @@ periodic packings are interior everywhere. Each packing gives a value, "±" is t
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from .claims import NOT_RUN, Row, decide, figure
@@ -25,6 +23,7 @@ EXPONENT, FAR, Z_FAR = (0.4, 0.6), 0.10, (5.1, 5.6)
 DENSE, P_DENSE = 0.926, (0.05, 0.065)  # P / E there
 FACTOR = (0.06, 0.08)  # b with Phi_0 = Phi_J and Phi_max = 1
 FRICTIONS = (0.0, 0.1, 0.5)
+Limits = tuple[float, float]
 
 
 def rows(found: Study, kind: str) -> list[Row]:
@@ -44,15 +43,19 @@ def rows(found: Study, kind: str) -> list[Row]:
     ]
 
 
-def within(
-    claim: str, rule: str, values: Array | list[float], limits: tuple[float, float] | None, note: str = ""
-) -> Row:
+def within(claim: str, values: list[float], limits: Limits | None, note: str = "", rule: str = "-") -> Row:
     """Whether the mean of the packings' values is between limits; shown only, without limits."""
+    rule = f"in {limits[0]}-{limits[1]}" if limits else rule
     value, error = (float(v) for v in mean(np.asarray(values, dtype=float)))
     if not np.isfinite(value):
         return Row(claim, rule, "-", NOT_RUN)
     verdict = "shown" if limits is None else decide(limits[0] <= value <= limits[1])
     return Row(claim, rule, figure(value, error, 4 if abs(value) < 1.0 else 2) + note, verdict, value)
+
+
+def average(values: Array | list[float]) -> float:
+    """Mean of the packings' values, nan of none."""
+    return float(mean(np.array(values))[0])
 
 
 def phi_jammed(member: Member, *, box: bool = False) -> float:
@@ -77,19 +80,12 @@ def isostatic(member: Member) -> float:
     return last_passage(NEAR_JAMMING, z_inside(member, NEAR_JAMMING), ISOSTATIC)
 
 
-def each(found: Study, kind: str, friction: float, value: Callable[[Member], float]) -> list[float]:
-    """A value of each packing."""
-    return [value(m) for m in found.seeds(kind, friction)]
-
-
 def jammed(found: Study, kind: str, friction: float) -> Row:
     """Phi_J by the line."""
-    limits = JAMMING.get(friction)
-    rule = f"in {limits[0]}-{limits[1]}" if limits else "-"
-    whole = float(mean(np.array(each(found, kind, friction, lambda m: phi_jammed(m, box=True))))[0])
-    values = each(found, kind, friction, phi_jammed)
-    return within(f"Phi_J, P extrapolated to zero, friction {friction:g}", rule, values, limits,
-                  f" (box {figure(whole)})")  # fmt: skip
+    members = found.seeds(kind, friction)
+    note = f" (box {figure(average([phi_jammed(m, box=True) for m in members]))})"
+    claim = f"Phi_J, P extrapolated to zero, friction {friction:g}"
+    return within(claim, [phi_jammed(m) for m in members], JAMMING.get(friction), note)
 
 
 def agreement(found: Study, kind: str) -> Row:
@@ -98,7 +94,7 @@ def agreement(found: Study, kind: str) -> Row:
     line, four = (np.array([f(m) for m in members]) for f in (phi_jammed, isostatic))
     claim = "Phi_J where Z without rattlers passes 4, friction 0"
     rule = f"differs from that of P by {AGREE} at most, mean over the packings"
-    apart = float(mean(np.abs(four - line))[0])
+    apart = average(np.abs(four - line))
     if not np.isfinite(apart):
         return Row(claim, rule, "-", NOT_RUN)
     text = f"{figure(*map(float, mean(four)))}, differs by {apart:.4f}"
@@ -115,9 +111,9 @@ def coordination_at_onset(found: Study, kind: str, friction: float) -> Row:
             values.append(float(inside(m, name, np.array([at]))[0]) if np.isfinite(at) else np.nan)
         both.append(values)
     literature = {0.0: "literature: 4", 0.5: "literature: 3.1-3.4"}.get(friction, "-")
-    with_rattlers = float(mean(np.array(both[1]))[0])
-    return within(f"Z without rattlers where P passes 3e-4 E*, friction {friction:g}", literature, both[0], None,
-                  f" (with rattlers {figure(with_rattlers, digits=2)})")  # fmt: skip
+    note = f" (with rattlers {figure(average(both[1]), digits=2)})"
+    claim = f"Z without rattlers where P passes 3e-4 E*, friction {friction:g}"
+    return within(claim, both[0], None, note, literature)
 
 
 def root(found: Study, kind: str) -> Row:
@@ -131,7 +127,7 @@ def root(found: Study, kind: str) -> Row:
     if single:
         note = "; " + ", ".join(figure(float(v), digits=2) for v in mean(np.array(single))[0])
     return within("(Z - 4) / sqrt(Phi - Phi_J) without rattlers, friction 0, mean over Phi - Phi_J of 0.005-0.03;"
-                  " at 0.005, 0.01, 0.02, 0.03", f"in {ROOT[0]}-{ROOT[1]}", values, ROOT, note)  # fmt: skip
+                  " at 0.005, 0.01, 0.02, 0.03", values, ROOT, note)  # fmt: skip
 
 
 def exponent(found: Study, kind: str) -> Row:
@@ -141,40 +137,32 @@ def exponent(found: Study, kind: str) -> Row:
         near = phi_jammed(m)
         fit = power_law(NEAR_JAMMING, z_inside(m, NEAR_JAMMING), ISOSTATIC, (0.005, 0.03), near)
         values.append(fit.beta if fit else np.nan)
-    return within("exponent of Z - 4 over the same range", f"in {EXPONENT[0]}-{EXPONENT[1]}", values, EXPONENT)
+    return within("exponent of Z - 4 over the same range", values, EXPONENT)
 
 
 def distant(found: Study, kind: str) -> Row:
     """Z well above jamming, without friction."""
     values = [float(z_inside(m, np.array([phi_jammed(m) + FAR]))[0]) for m in found.seeds(kind, 0.0)]
-    return within(
-        f"Z without rattlers at Phi - Phi_J = {FAR}, friction 0", f"in {Z_FAR[0]}-{Z_FAR[1]}", values, Z_FAR
-    )
+    return within(f"Z without rattlers at Phi - Phi_J = {FAR}, friction 0", values, Z_FAR)
 
 
 def dense(found: Study, kind: str, friction: float) -> Row:
     """P / E in a dense packing; P / E* and the nominal fraction there beside it."""
-    at = np.array([DENSE])
-    members = found.seeds(kind, friction)
+    at, members = np.array([DENSE]), found.seeds(kind, friction)
+    by_plane = average([float(m.pressure(at)[0]) for m in members])
+    nominal = average([float(m.over("solid_fraction_nominal", at)[0]) for m in members])
+    note = f" (P/E* {figure(by_plane, digits=4)}, nominal {figure(nominal)})"
     values = [float(m.pressure(at, over=YOUNG)[0]) for m in members]
-    others = [
-        float(mean(np.array([f(m) for m in members]))[0])
-        for f in (lambda m: m.pressure(at)[0], lambda m: m.over("solid_fraction_nominal", at)[0])
-    ]
-    limits = P_DENSE if friction == 0.0 else None
-    rule = f"in {P_DENSE[0]}-{P_DENSE[1]}" if limits else "-"
-    note = f" (P/E* {figure(others[0], digits=4)}, nominal {figure(others[1])})"
-    return within(f"P/E at Phi = {DENSE}, friction {friction:g}", rule, values, limits, note)
+    return within(f"P/E at Phi = {DENSE}, friction {friction:g}", values, P_DENSE if friction == 0.0 else None, note)
 
 
 def factor(found: Study, kind: str, friction: float) -> Row:
     """The factor b of the law of compaction with Phi_0 = Phi_J of the box and Phi_max = 1."""
-    limits = FACTOR if friction == 0.0 else None
-    rule = f"in {FACTOR[0]}-{FACTOR[1]}" if limits else "-"
-    values = each(found, kind, friction, lambda m: fixed(m, "coordination"))
-    other = float(mean(np.array(each(found, kind, friction, lambda m: fixed(m, Z_BARE))))[0])
-    note = f" (Z without rattlers: {figure(other)})"
-    return within(f"b with Phi_0 = Phi_J, Phi_max = 1, friction {friction:g}", rule, values, limits, note)
+    members = found.seeds(kind, friction)
+    note = f" (Z without rattlers: {figure(average([fixed(m, Z_BARE) for m in members]))})"
+    values = [fixed(m, "coordination") for m in members]
+    claim = f"b with Phi_0 = Phi_J, Phi_max = 1, friction {friction:g}"
+    return within(claim, values, FACTOR if friction == 0.0 else None, note)
 
 
 def fixed(member: Member, name: str) -> float:
