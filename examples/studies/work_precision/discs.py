@@ -75,8 +75,7 @@ def collision_errors(measured: Measured, reference: Measured) -> dict[str, float
 
 def packing(setting: Setting, meter: Meter, kept: Path) -> skmpm.Run:
     """Rows against the nominal solid fraction: pressure, force of the lid, and from time to time aspect ratios."""
-    cell = MEAN / setting["cells"]
-    scene, height, width = box_of_discs(setting, cell)
+    scene, height, width = box_of_discs(setting, RADII, START)
     solid = float(scene.initial_volumes[: scene.offsets[DISCS]].sum())
     scheme = scheme_of(setting, inertia=True, solver=meter)
     dt = time_step(setting, PACKING_DT)
@@ -102,10 +101,12 @@ def stride(radii: Array, squeeze: float, steps: float) -> float:
     return float(squeeze * height / steps / radii.min())
 
 
-def box_of_discs(setting: Setting, cell: float) -> tuple[skmpm.Scene, float, float]:
+def box_of_discs(
+    setting: Setting, radii: Array, fraction: float, *, seed: int = 0, lid: float = LID
+) -> tuple[skmpm.Scene, float, float]:
     """Discs of the radii of Nezamabadi et al. (2017) in a box under a lid, its height and width."""
-    width = width_of(RADII)
-    packing = skmpm.packing(RADII, width, solid_fraction=START, seed=0)
+    width, cell = width_of(radii), MEAN / setting["cells"]
+    packing = skmpm.packing(radii, width, solid_fraction=fraction, seed=seed)
     centres, height = packing.centres, float(packing.height)
     if setting["perturbed"]:
         centres = centres + setting["perturbed"] * MEAN * np.random.default_rng(1).normal(size=centres.shape)
@@ -115,23 +116,23 @@ def box_of_discs(setting: Setting, cell: float) -> tuple[skmpm.Scene, float, flo
         for centre, radius in zip(centres.T, packing.radii, strict=True)
     ]
     if setting["walls"] == "planes":
-        return skmpm.Scene(bodies, cell=cell, walls=planes(width, height), friction=FRICTIONAL), height, width
-    bodies += slabs(width, height, cell, spacing)
+        return skmpm.Scene(bodies, cell=cell, walls=planes(width, height, lid), friction=FRICTIONAL), height, width
+    bodies += slabs(width, height, cell, spacing, lid)
     return skmpm.Scene(bodies, cell=cell, friction=FRICTIONAL), height, width
 
 
-def planes(width: float, height: float) -> list[skmpm.Wall]:
+def planes(width: float, height: float, lid: float, friction: float = FRICTIONAL) -> list[skmpm.Wall]:
     """Floor, lid, left, right; as rough as the discs, for walls of points cannot be otherwise."""
-    rough = {"friction": FRICTIONAL}
+    rough = {"friction": friction}
     return [
         skmpm.Wall((0.0, 0.0), (0.0, 1.0), **rough),
-        skmpm.Wall((0.0, height), (0.0, -1.0), velocity=(0.0, -LID), **rough),
+        skmpm.Wall((0.0, height), (0.0, -1.0), velocity=(0.0, -lid), **rough),
         skmpm.Wall((0.0, 0.0), (1.0, 0.0), **rough),
         skmpm.Wall((width, 0.0), (-1.0, 0.0), **rough),
     ]
 
 
-def slabs(width: float, height: float, cell: float, spacing: float) -> list[skmpm.Body]:
+def slabs(width: float, height: float, cell: float, spacing: float, lid: float) -> list[skmpm.Body]:
     """The same walls of material points."""
     thick = THICKNESS * cell
     boxes = (
@@ -142,7 +143,7 @@ def slabs(width: float, height: float, cell: float, spacing: float) -> list[skmp
     )
     rigid = skmpm.Rigid(SOFT["density"])
     clouds = [skmpm.box(corner, size, spacing=spacing) for corner, size in boxes]
-    return [skmpm.Body(c, rigid, motion=(0.0, -LID * (k == 1), 0.0)) for k, c in enumerate(clouds)]
+    return [skmpm.Body(c, rigid, motion=(0.0, -lid * (k == 1), 0.0)) for k, c in enumerate(clouds)]
 
 
 def watched(scene: skmpm.Scene, state: skmpm.State, thickness: float, height: float) -> dict[str, float]:

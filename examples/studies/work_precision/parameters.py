@@ -123,10 +123,12 @@ def one_at_a_time() -> list[Setting]:
 
 def neighbours(preset: Setting) -> list[Setting]:
     """What the slopes at a preset are measured from: four parameters, each a step to both sides."""
-    found = []
-    for name, factor in SLOPES.items():
-        found += [preset | {name: float(f"{preset[name] * step:.3g}")} for step in (1.0 / factor, factor)]
-    return found
+    return [setting for name in SLOPES for setting in beside(preset, name)]
+
+
+def beside(preset: Setting, name: str) -> list[Setting]:
+    """A step of a parameter to both sides of a preset."""
+    return [preset | {name: float(f"{preset[name] * step:.3g}")} for step in (1.0 / SLOPES[name], SLOPES[name])]
 
 
 def resolutions() -> list[Setting]:

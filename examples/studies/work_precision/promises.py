@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from time import process_time
 
@@ -146,8 +146,7 @@ def peas(at: Resolution, scheme: skmpm.Scheme | None = None) -> dict[str, Array]
         skmpm.Body(skmpm.disc(centre, radius, spacing=spacing), STUFF)
         for centre, radius in zip(packed.centres.T, packed.radii, strict=True)
     ]
-    walls = [replace(wall, friction=0.0) for wall in discs.planes(width, float(packed.height))]
-    walls[1] = replace(walls[1], velocity=(0.0, -LID))
+    walls = discs.planes(width, float(packed.height), LID, friction=0.0)
     scene = skmpm.Scene(bodies, cell=cell, walls=walls, friction=SLIDING)
     solid = float(scene.initial_volumes.sum()) / width
     way, lid, pressure, state = [0.0], [], [], None

@@ -14,7 +14,7 @@ from skmpm.sweep import Member as Ran
 
 from . import scenes, speeds
 from .meter import SIZES, Meter
-from .parameters import DEFAULT, LEVELS, PRESETS, SLOPES, Setting, neighbours, one_at_a_time, resolutions, sample
+from .parameters import DEFAULT, LEVELS, PRESETS, Setting, beside, neighbours, one_at_a_time, resolutions, sample
 from .study import Member, plan
 
 Result = dict[str, Any]
@@ -164,8 +164,7 @@ def gain(found: Found, scene: str, setting: Setting, cost: str = "seconds") -> f
 
 def slope(found: Found, scene: str, preset: str, parameter: str) -> float:
     """Change of ln(error) with ln(parameter) between neighbours of a preset; of `cells`, with h. nan if not run."""
-    around, factor = PRESETS[preset], SLOPES[parameter]
-    pair = [around | {parameter: float(f"{around[parameter] * step:.3g}")} for step in (1.0 / factor, factor)]
+    pair = beside(PRESETS[preset], parameter)
     runs = [found.at(scene, setting) for setting in pair]
     errors = [run.error if run is not None else float("nan") for run in runs]
     if not np.isfinite(errors).all() or min(errors) <= 0.0:
@@ -177,14 +176,9 @@ def slope(found: Found, scene: str, preset: str, parameter: str) -> float:
 def dial_runs(found: Found, scene: str, parameter: str) -> list[tuple[Any, Run]]:
     """Levels of a parameter around the default of the study that were run, and that make a difference on a scene."""
     levels = LEVELS[parameter] if parameter in scenes.CASES[scene].parameters else ()
-    runs = [(level, found.at(scene, DEFAULT | one)) for level in levels for one in [forced(parameter, level)]]
+    runs = [(level, found.at(scene, DEFAULT | {parameter: level})) for level in levels]
     seen = {id(run) for _, run in runs}
     return [(level, run) for level, run in runs if run is not None] if len(seen) > 1 else []
-
-
-def forced(parameter: str, level: Any) -> Setting:
-    """A level, with what it asks for."""
-    return {parameter: level} | ({"anchor": 0.0} if level == "shared_grid" else {})
 
 
 def of_steps(found: Found, scene: str) -> list[Run]:

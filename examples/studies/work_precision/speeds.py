@@ -35,17 +35,8 @@ RADII = np.random.default_rng(3).uniform(0.7e-3, 1.2e-3, DISCS)
 
 def packing(setting: Setting, speed: float) -> tuple[skmpm.Scene, float, float]:
     """Discs as loosely as they were packed, their height and the height of their material spread over the width."""
-    solid, width = float(np.pi * (RADII**2).sum()), discs.width_of(RADII)
-    packed = skmpm.packing(RADII, width, solid_fraction=START, seed=3)
-    cell = discs.MEAN / setting["cells"]
-    bodies = [
-        skmpm.Body(skmpm.disc(centre, radius, spacing=setting["spacing"] * cell), discs.GELS["own"])
-        for centre, radius in zip(packed.centres.T, packed.radii, strict=True)
-    ]
-    floor, lid, *sides = discs.planes(width, float(packed.height))
-    walls = [floor, replace(lid, velocity=(0.0, -speed)), *sides]
-    scene = skmpm.Scene(bodies, cell=cell, walls=walls, friction=discs.FRICTIONAL)
-    return scene, float(packed.height), solid / width
+    scene, height, width = discs.box_of_discs(setting, RADII, START, seed=3, lid=speed)
+    return scene, height, float(np.pi * (RADII**2).sum()) / width
 
 
 def at_rest(setting: Setting, kept: Path) -> skmpm.State:
