@@ -145,3 +145,5 @@ def test_the_main_job_keeps_its_promises(tmp_path):
     assert all(abs(line["area"] / line["volume"] - 1.0) <= 5e-3 for line in checks)
     for name in ("packing.vtkhdf", "curves.png", "last.checkpoint"):
         assert (tmp_path / name).stat().st_size > 1000
+    with pytest.raises(SystemExit, match="has a run: give another --out"):
+        main_job.main(main_job.parser().parse_args(options))
