@@ -24,12 +24,18 @@ FIGURES = "Draw the figures of a study and write its page from the members that 
 
 
 def command(study: ModuleType, page: ModuleType | None = None, words: Sequence[str] | None = None) -> None:
-    """Run all members that have not finished and write the page; after the word `figures`, only write it."""
+    """Run all members that have not finished and write the page; after the word `figures`, only write it.
+
+    SystemExit if members have failed, after the page of the others.
+    """
     words = sys.argv[1:] if words is None else words
     only = words[:1] == ["figures"]
     options = parser(study, only=only).parse_args(words[only:])
-    if only or len(run(study.build, study.members(options), options).finished):
+    found = None if only else run(study.build, study.members(options), options)
+    if found is None or len(found.finished):
         write(options.out, options.docs, page or study)
+    if found is not None and found.failed:
+        raise SystemExit(f"{len(found.failed)} of {len(found)} members stopped; a page is of the others")
 
 
 def parser(study: ModuleType, *, only: bool = False) -> argparse.ArgumentParser:

@@ -1,8 +1,10 @@
-"""Pages keep the text outside their marks."""
+"""Pages keep the text outside their marks, and commands that write them say what failed."""
+
+from types import SimpleNamespace
 
 import pytest
 
-from examples.studies import pages
+from examples.studies import pages, sweeps
 
 PAGE = "a\n<!-- x -->\nold\n<!-- /x -->\nb\n"
 
@@ -29,3 +31,15 @@ def test_options_are_typed_in_full(capsys):
     with pytest.raises(SystemExit):
         pages.parser("", "page.md").parse_args(["--doc", "somewhere"])
     assert "unrecognized arguments: --doc" in capsys.readouterr().err
+
+
+def broken(seed):
+    raise ValueError(f"no packing of {seed}")
+
+
+def test_a_study_whose_members_fail_ends_so(tmp_path, capsys):
+    module = {"__name__": "studies.broken.study", "__doc__": "", "add_options": lambda options: None}
+    study = SimpleNamespace(**module, build=broken, members=lambda options: [{"seed": 3}])
+    with pytest.raises(SystemExit, match="1 of 1 members stopped; a page is of the others"):
+        sweeps.command(study, words=["--processes", "1", "--out", str(tmp_path / "out"), "--docs", str(tmp_path)])
+    assert "no packing of 3" in capsys.readouterr().out
