@@ -42,11 +42,6 @@ class Field:
     unit: str
     order: Array | None = None  # (2, n) of fringes, whose light the values are
 
-    @property
-    def by_body(self) -> bool:
-        """Whether colours tell bodies apart."""
-        return self.values is None
-
 
 def field_of(
     seen: Snapshot, colour: str | NDArray[np.floating], label: str = "", fringe: float | None = None
@@ -98,7 +93,7 @@ def _named(seen: Snapshot, name: str) -> Field:
         return Field(None, name, "")
     if name not in UNIT_OF:
         raise ValueError(f"plot: colour = {name!r}; use one of {NAMES}, or an array by point or by body")
-    return Field(seen.values(name), "von Mises stress" if name == "mises" else name, UNIT_OF[name])
+    return Field(seen.fields[name](), "von Mises stress" if name == "mises" else name, UNIT_OF[name])
 
 
 def limits_of(seen: Snapshot, fields: Sequence[Field]) -> Limits:

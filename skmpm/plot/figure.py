@@ -21,7 +21,7 @@ from skmpm.plot.fields import (
     scale_of,
     style_of,
 )
-from skmpm.plot.snapshot import OfState, Snapshot
+from skmpm.plot.snapshot import Snapshot, of_state
 from skmpm.plot.surroundings import add_key, draw_box, draw_forces, draw_supports, draw_walls, offsets
 from skmpm.representation import prefixed
 from skmpm.scene import Scene, State, check_fits
@@ -96,7 +96,7 @@ def plot(
     >>> pyplot.close(axes.figure)
     """
     check_fits(scene, state, "plot")
-    seen = OfState.from_state(scene, state)
+    seen = of_state(scene, state)
     field = field_of(seen, colour, label, fringe)
     style = style_of([seen], [field], forces=forces, limits=limits, view=view, units=units)
     axes = new_axes() if axes is None else axes

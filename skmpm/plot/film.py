@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from skmpm.io import Frame
 from skmpm.plot.fields import Limits, View, field_of, style_of
 from skmpm.plot.figure import add_legend, draw, matplotlib_module, new_axes
-from skmpm.plot.snapshot import OfFrame, OfState, Snapshot
+from skmpm.plot.snapshot import Snapshot, of_frame, of_state
 from skmpm.representation import prefixed
 from skmpm.scene import Scene, State, check_fits
 
@@ -97,12 +97,12 @@ def _pictures(states: Iterable[State] | Iterable[Frame], scene: Scene | None) ->
     pictures = list[Snapshot]()
     for state in states:
         if isinstance(state, Frame):
-            pictures.append(OfFrame.from_frame(state))
+            pictures.append(of_frame(state))
         elif scene is None:
             raise ValueError("animate: states need their scene; give scene=")
         else:
             check_fits(scene, state, "animate")
-            pictures.append(OfState.from_state(scene, state))
+            pictures.append(of_state(scene, state))
     if not pictures:
         raise ValueError("animate: there are no states")
     return pictures

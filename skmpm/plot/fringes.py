@@ -17,11 +17,22 @@ PARTS = 4  # of the sides of triangles: a fringe as narrow as the distance of po
 
 
 def stress_differences(seen: Snapshot) -> Array:
-    """(s_xx - s_yy, 2 s_xy) at the points, (2, n) [Pa], smooth in each body.
+    """(s_xx - s_yy, 2 s_xy) at the points, (2, n) [Pa], continuous in each body; those of rigid bodies are zero.
 
-    These components are smooth where their length, the difference of the principal stresses, has kinks.
+    These components are smooth where their length, the difference of the principal stresses in the plane, has kinks.
     """
-    return _smooth(seen, seen.deviator())
+    out, soft, stress = np.zeros_like(seen.x), seen.inside_deformable, seen.fields["stress"]()
+    if not soft.any():
+        return out
+    grid = build_grids(seen.x[:, soft], seen.owner[soft], seen.cell(), seen.deformable.size)
+    to_points, weight = grid.interpolation, seen.fields["volume"]()[soft]
+    total = np.maximum(to_points.T @ weight, np.finfo(float).tiny)[:, None]
+    given = np.stack([stress[0, 0] - stress[1, 1], 2.0 * stress[0, 1]])[:, soft].T
+    found = np.zeros_like(given)
+    for _ in range(2):
+        found = found + to_points @ ((to_points.T @ (weight[:, None] * (given - found))) / total)
+    out[:, soft] = found.T
+    return out
 
 
 def light(order: Array) -> Array:
@@ -43,19 +54,3 @@ def divided(x: Array, corners: Ints, values: Array) -> tuple[Array, Ints, Array]
     fine = (pattern + first.size * np.arange(len(corners))[:, None, None]).reshape(-1, 3)
     there, known = (np.einsum("itc,cs->its", each[:, corners], shares).reshape(2, -1) for each in (x, values))
     return there, fine, known
-
-
-def _smooth(seen: Snapshot, values: Array) -> Array:
-    """Values (2, n) of a field that is continuous in each body; those of rigid bodies are left out as zero."""
-    out, soft = np.zeros_like(values), seen.inside_deformable
-    if not soft.any():
-        return out
-    grid = build_grids(seen.x[:, soft], seen.owner[soft], seen.cell, seen.deformable.size)
-    to_points, weight = grid.interpolation, seen.volume[soft]
-    total = np.maximum(to_points.T @ weight, np.finfo(float).tiny)[:, None]
-    given = values[:, soft].T
-    found = np.zeros_like(given)
-    for _ in range(2):
-        found = found + to_points @ ((to_points.T @ (weight[:, None] * (given - found))) / total)
-    out[:, soft] = found.T
-    return out

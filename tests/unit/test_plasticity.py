@@ -31,7 +31,7 @@ from skmpm import (
     step,
 )
 from skmpm.material import has_memory, in_step, virgin
-from skmpm.plot.snapshot import OfFrame
+from skmpm.plot.snapshot import of_frame
 from skmpm.scene import mises, plastic_strain, stress_zz
 from skmpm.step.derived import bulk_of
 from skmpm.step.terms import Budget
@@ -260,13 +260,13 @@ def test_recordings_and_pictures_show_it(tmp_path):
     frame = read(tmp_path / "run.vtkhdf")[-1]
     np.testing.assert_allclose(frame.points["plastic_strain"], end.internal[0], rtol=1e-6)
     assert np.isfinite(frame.points["stress"]).all()
-    np.testing.assert_allclose(OfFrame.from_frame(frame).values("plastic strain"), end.internal[0], rtol=1e-6)
+    np.testing.assert_allclose(of_frame(frame).fields["plastic strain"](), end.internal[0], rtol=1e-6)
     assert plot(scene, end, "plastic strain").child_axes[0].get_ylabel() == "plastic strain"
     soft = pressed(GEL)
     with record(tmp_path / "soft.vtkhdf", soft) as film:
         film.write(initial(soft))
     frame = read(tmp_path / "soft.vtkhdf")[0]
-    assert "plastic_strain" not in frame.points and np.isnan(OfFrame.from_frame(frame).values("plastic strain")).all()
+    assert "plastic_strain" not in frame.points and np.isnan(of_frame(frame).fields["plastic strain"]()).all()
     with pytest.raises(ValueError, match=r"plastic strain is nan .*; it needs a material that yields"):
         plot(soft, initial(soft), "plastic strain")
 

@@ -16,7 +16,7 @@ from pictures import keep
 
 from skmpm import Body, LinearElastic, Scene, Scheme, Wall, disc, plot, simulate
 from skmpm.plot.fringes import light, stress_differences
-from skmpm.plot.snapshot import OfState
+from skmpm.plot.snapshot import of_state
 
 R, STROKE = 5e-3, 0.01
 SIZES = (5, 10, 20)  # R/h
@@ -60,7 +60,7 @@ def errors(loads, size):
     scene, state = pressed(loads, size)
     force = np.hypot(*state.wall_force.T).mean()
     x = state.x - np.average(state.x, axis=1, weights=state.mass)[:, None]
-    found = np.hypot(*stress_differences(OfState.from_state(scene, state)))
+    found = np.hypot(*stress_differences(of_state(scene, state)))
     error = (found - np.hypot(*point_forces(x, force, loads))) / (4.0 * force / (np.pi * R))
     r = np.hypot(*x)
     return 100.0 * error[r < 0.15 * R].mean(), 100.0 * np.sqrt((error[r < 0.6 * R] ** 2).mean())
