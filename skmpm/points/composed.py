@@ -1,4 +1,4 @@
-"""Rings, and points that are composed of others: rows of grains or teeth as rough walls, frames, funnels."""
+"""Points that are composed of others: rows of grains or teeth as rough walls, frames, funnels."""
 
 from __future__ import annotations
 
@@ -10,65 +10,7 @@ from numpy.typing import ArrayLike
 
 from skmpm.arrays import Array, Ints
 from skmpm.points.cloud import Points
-from skmpm.points.shapes import check_number, point, positive, radau_ring
-
-
-def ring(centre: ArrayLike, inner: float, outer: float, *, spacing: float) -> Points:
-    """Points of a ring, or of a tube in its cross-section: rings of equal thickness.
-
-    Parameters
-    ----------
-    centre : (2,) position of the centre [m]
-    inner, outer : radii [m]
-    spacing : approximate distance between neighbouring points [m]
-
-    Returns
-    -------
-    points and two loops of the outline, that of the hole clockwise
-
-    Raises
-    ------
-    ValueError
-        if a radius or the spacing is not positive, inner is not below outer, or the centre is not a finite point
-
-    Notes
-    -----
-    Points of a ring lie at its root mean square radius and share its exact area equally. The innermost and the
-    outermost ring have Radau rules with points on the boundaries. Area, centroid and second moments are exact.
-
-    Examples
-    --------
-    >>> import skmpm
-    >>> points = skmpm.ring((0, 0), 1e-3, 2e-3, spacing=2e-4)
-    >>> len(points.outline)
-    2
-    >>> round(float(1e6 * points.volume.sum()), 3)
-    9.425
-    """
-    c, a, b, h = (
-        point("centre", centre),
-        positive("inner", inner),
-        positive("outer", outer),
-        positive("spacing", spacing),
-    )
-    if a >= b:
-        raise ValueError(f"inner is {a:g} and outer {b:g}; give an inner radius below the outer one")
-    check_number(np.pi * (b**2 - a**2), h)
-    edges = np.linspace(a, b, max(2, round((b - a) / h)) + 1)
-    area = np.pi * np.diff(edges**2)
-    radii = np.sqrt((edges[1:] ** 2 + edges[:-1] ** 2) / 2.0)
-    within, hole, share_of_hole = radau_ring(edges[1], a)
-    beside, boundary, share = radau_ring(edges[-2], b)
-    radii = np.concatenate([[hole, within], radii[1:-1], [beside, boundary]])
-    first, last = (area[k] * np.array([s, 1.0 - s]) for k, s in ((0, share_of_hole), (-1, share)))
-    area = np.concatenate([first, area[1:-1], last[::-1]])
-    counts = np.maximum(np.rint(2.0 * np.pi * radii / h).astype(np.int64), 8)
-    starts = np.append(0, np.cumsum(counts))
-    number = np.arange(starts[-1]) - np.repeat(starts[:-1], counts)
-    angle = 2.0 * np.pi * (number + np.repeat(0.5 * (np.arange(counts.size) % 2), counts)) / np.repeat(counts, counts)
-    x = c[:, None] + np.repeat(radii, counts) * np.stack([np.cos(angle), np.sin(angle)])
-    loops = np.arange(starts[-2], starts[-1]), np.arange(starts[1])[::-1]
-    return Points(x, np.repeat(area / counts, counts), loops)
+from skmpm.points.shapes import point
 
 
 def joined(parts: Sequence[Points]) -> Points:

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from skmpm.arrays import Array
 from skmpm.points.cloud import Points
 from skmpm.points.fill import Curve, filled, rounded
-from skmpm.points.shapes import point, positive
+from skmpm.points.shapes import numbers, point, positive
 
 ORIGIN = np.zeros((2, 1))
 
@@ -134,8 +134,5 @@ def _filled(curve: Curve, area: float, centre: ArrayLike, spacing: float, angle:
     All of `alike` parts of the curve have as many boundary points, so that regular shapes have no long axis.
     """
     c, h = point("centre", centre), positive("spacing", spacing)
-    if not np.isfinite(angle):
-        raise ValueError(f"angle is {angle!r}; give a finite number")
-    points = filled([(curve, np.arange(alike) / alike)], area, h, ORIGIN)
-    turned = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]) @ points.x
-    return Points(c[:, None] + turned, points.volume, points.outline)
+    turn = float(numbers("angle", angle, (), "give a finite number"))
+    return filled([(curve, np.arange(alike) / alike)], area, h, ORIGIN).placed(c, turn, about=(0.0, 0.0))

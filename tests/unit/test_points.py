@@ -151,6 +151,8 @@ def test_box_outline_is_its_boundary():
         (lambda: box((0, 0), 1.0, spacing=0.1), "size"),
         (lambda: box((0, np.nan), (1, 1), spacing=0.1), "corner"),
         (lambda: box((0, 0), (1, 1), spacing=[0.1, 0.2]), "spacing"),
+        (lambda: disc((0, 0), None, spacing=0.1), "radius"),
+        (lambda: disc((0, 0), 1.0, spacing="fine"), "spacing"),
     ],
 )
 def test_bad_arguments_are_named(make, name):

@@ -122,6 +122,8 @@ def test_shapes_come_to_rest_on_each_other():
         (lambda: ellipse((0, 0), 1.0, spacing=0.1), "semi_axes is 1.0; give two finite numbers"),
         (lambda: ellipse((0, np.nan), (1, 1), spacing=0.1), "centre is .*nan"),
         (lambda: ellipse((0, 0), (1, 1), spacing=0.1, angle=np.inf), "angle is inf; give a finite number"),
+        (lambda: ellipse((0, 0), (1, 1), spacing=0.1, angle=[0, 1]), r"angle is \[0, 1\]; give a finite number"),
+        (lambda: ellipse((0, 0), (1, 1), spacing=0.1, angle=None), "angle is None; give a finite number"),
         (lambda: capsule((0, 0), 0.0, 1.0, spacing=0.1), "length is 0.0"),
         (lambda: capsule((0, 0), 1.0, -1.0, spacing=0.1), "radius is -1.0"),
         (lambda: polygon((0, 0), 1.0, 2, rounding=0.1, spacing=0.1), "sides is 2; give an integer of three or more"),
