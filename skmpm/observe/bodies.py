@@ -13,11 +13,11 @@ from skmpm.material import determinant
 from skmpm.observe.contact_network import (
     half_branches,
     moments,
-    neighbours,
-    rattlers,
+    sums,
     touching_pairs,
+    without_rattlers,
 )
-from skmpm.observe.sides import contact_length, contact_lengths
+from skmpm.observe.sides import contact_lengths
 from skmpm.optional import data_frame
 from skmpm.outline import Outlines
 from skmpm.representation import with_shapes
@@ -90,10 +90,10 @@ class PerBody:
         return own | {"shape_factor": self.shape_factor, "deviatoric_stress": self.deviatoric_stress}
 
 
-def per_body(scene: Scene, state: State, boundary: Outlines, *, interior: bool) -> PerBody:
+def per_body(scene: Scene, state: State, *, interior: bool) -> PerBody:
     """Compute the observables of each body."""
     n, start, pairs = len(scene.bodies), scene.offsets[:-1], touching_pairs(state.contacts, scene.cell, state.box)
-    x = state.x[:, boundary.point]
+    boundary, x = scene.outlines, state.x[:, scene.outlines.point]
     initial = np.array([body.points.volume.sum() for body in scene.bodies])
     volume = np.add.reduceat(state.volume, start)
     mass, centre = np.add.reduceat(state.mass, start), centres(state.x, state.mass, state.body)
@@ -102,7 +102,7 @@ def per_body(scene: Scene, state: State, boundary: Outlines, *, interior: bool) 
     area = np.where(scene.outlined, smooth.area(n), np.nan)
     long, short, angle = outline.dimensions(boundary, x, n)
     isotropic = _isotropic(boundary, x, n)
-    lengths = contact_lengths(state.contacts, boundary, x, scene.cell)
+    length = sums(state.contacts.bodies, contact_lengths(scene, state), n)
     stress = moments(half_branches(state.contacts, centre, np.ones(n, dtype=bool)), 1.0, scene.free_to_turn) / volume
     return PerBody(
         counted=_counted(scene, state, centre, diameter, interior),
@@ -112,10 +112,9 @@ def per_body(scene: Scene, state: State, boundary: Outlines, *, interior: bool) 
         perimeter=np.where(scene.outlined, smooth.perimeter(n), np.nan),
         volume_ratio=np.add.reduceat(state.weight, start)
         / np.add.reduceat(state.weight / determinant(state.F), start),
-        coordination=neighbours(pairs, n).astype(np.float64),
-        coordination_without_rattlers=_without_rattlers(scene, pairs),
-        contact_surface=np.where(scene.outlined, contact_length(state.contacts, lengths, n), np.nan)
-        / (np.pi * diameter),
+        coordination=sums(pairs, 1.0, n),
+        coordination_without_rattlers=without_rattlers(pairs, scene.frictions.between(pairs), scene.grains),
+        contact_surface=np.where(scene.outlined, length, np.nan) / (np.pi * diameter),
         aspect_ratio=np.where(isotropic, 1.0, long / short),
         angle=np.where(isotropic, np.nan, angle),
         overlap=_shared(scene, state, x) / area,
@@ -140,13 +139,6 @@ def _counted(scene: Scene, state: State, centre: Array, diameter: Array, interio
     return inside & scene.grains
 
 
-def _without_rattlers(scene: Scene, pairs: Ints) -> Array:
-    """Coordination among the bodies that are no rattlers and the walls, (bodies,); nan for rattlers."""
-    loose = rattlers(pairs, scene.frictions.between(pairs), scene.grains)
-    held = ~np.any((pairs >= 0) & loose[np.maximum(pairs, 0)], axis=0)
-    return np.where(loose, np.nan, neighbours(pairs[:, held], loose.size))
-
-
 def _isotropic(boundary: Outlines, x: Array, bodies: int) -> Bools:
     """Whether bodies have no long axis, (bodies,)."""
     M = outline.second_moments(boundary, x, bodies)
@@ -157,8 +149,7 @@ def _isotropic(boundary: Outlines, x: Array, bodies: int) -> Bools:
 def _shared(scene: Scene, state: State, x: Array) -> Array:
     """Area that each body, with boundary points at x (2, m), shares with others, (bodies,) [m2]."""
     near = scene.images(x, state.box, 0.0)
-    pairs, area = near.overlap(near.at(x, state.box))
-    return np.asarray(np.bincount(pairs.ravel(), np.tile(area, 2), len(scene.bodies)), dtype=np.float64)
+    return sums(*near.overlap(near.at(x, state.box)), len(scene.bodies))
 
 
 def _pressure_points(state: State, start: Ints, volume: Array, mass: Array) -> Array:

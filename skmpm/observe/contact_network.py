@@ -71,15 +71,17 @@ def among(contacts: Contacts, chosen: Bools | Ints) -> Contacts:
     return Contacts(**{f.name: getattr(contacts, f.name)[..., chosen] for f in fields(contacts)})
 
 
-def neighbours(pairs: Ints, bodies: int) -> Ints:
-    """Count the pairs (2, k) of each body, (bodies,)."""
-    return np.bincount(pairs[pairs >= 0], minlength=bodies)
+def sums(pairs: Ints, values: Array | float, bodies: int) -> Array:
+    """Sum values (k,) of pairs (2, k) over each body, (bodies,); they count for both bodies, not for walls."""
+    own = pairs >= 0
+    return np.bincount(pairs[own], np.broadcast_to(values, pairs.shape)[own], bodies).astype(np.float64)
 
 
-def rattlers(pairs: Ints, friction: Array, movable: Bools) -> Bools:
-    """Find the bodies that their contacts cannot hold, (bodies,): fewer than three neighbours, or two with friction.
+def without_rattlers(pairs: Ints, friction: Array, movable: Bools) -> Array:
+    """Coordination among the bodies that are no rattlers and the walls, (bodies,); nan for rattlers.
 
-    They are removed together with their contacts until none is left, because a neighbour may have lost one by it.
+    Rattlers are the bodies that their contacts cannot hold: fewer than three neighbours, or two with friction. They
+    are removed together with their contacts until none is left, because a neighbour may have lost one by it.
 
     Parameters
     ----------
@@ -90,10 +92,11 @@ def rattlers(pairs: Ints, friction: Array, movable: Bools) -> Bools:
     loose = np.zeros(movable.size, dtype=bool)
     while True:
         held = ~np.any((pairs >= 0) & loose[np.maximum(pairs, 0)], axis=0)
-        rough = neighbours(pairs[:, held & (friction > 0.0)], movable.size) > 0
-        found = movable & (neighbours(pairs[:, held], movable.size) < np.where(rough, 2, 3))
+        rough = sums(pairs[:, held & (friction > 0.0)], 1.0, movable.size) > 0.0
+        coordination = sums(pairs[:, held], 1.0, movable.size)
+        found = movable & (coordination < np.where(rough, 2, 3))
         if np.array_equal(found, loose):
-            return loose
+            return np.where(loose, np.nan, coordination)
         loose = found
 
 

@@ -13,7 +13,6 @@ from skmpm.observe.bodies import PerBody, away_from_walls, per_body
 from skmpm.observe.contact_network import half_branches, moments
 from skmpm.observe.regions import Region, area_inside, contains, region, share_inside
 from skmpm.optional import optional
-from skmpm.outline import Outlines
 from skmpm.representation import line, quantity, table
 from skmpm.scene import Scene, State, check_fits
 
@@ -158,10 +157,9 @@ def observe(scene: Scene, state: State, *, interior: bool = False) -> Observable
     1.1
     """
     check_fits(scene, state, "observe")
-    boundary = scene.outlines
-    bodies = per_body(scene, state, boundary, interior=interior)
+    bodies = per_body(scene, state, interior=interior)
     own, box = bodies.counted, _box(scene, state, bodies, interior)
-    solid, nominal = _fractions(scene, state, boundary, bodies, box, interior)
+    solid, nominal = _fractions(scene, state, bodies, box, interior)
     stress = _stress(scene, state, bodies, box, interior)
     pressure = -float(np.trace(stress)) / 2.0
     walls = np.full(len(scene.walls), np.nan) if interior else _wall_pressure(scene, state, box)
@@ -190,9 +188,7 @@ def _box(scene: Scene, state: State, bodies: PerBody, interior: bool) -> Region:
     return region(normal, inner, state.box)
 
 
-def _fractions(
-    scene: Scene, state: State, boundary: Outlines, bodies: PerBody, box: Region, interior: bool
-) -> tuple[float, float]:
+def _fractions(scene: Scene, state: State, bodies: PerBody, box: Region, interior: bool) -> tuple[float, float]:
     """Solid fraction, of the outlines and of the initial volumes."""
     if not np.isfinite(box.area):
         return np.nan, np.nan
@@ -202,15 +198,15 @@ def _fractions(
     share = np.ones(area.size)
     some = ~scene.deformable | interior
     if some.any():
-        share[some] = _share(scene, state, boundary, bodies, box)[some]
+        share[some] = _share(scene, state, bodies, box)[some]
     return float(area @ share) / box.area, float(initial @ share) / box.area
 
 
-def _share(scene: Scene, state: State, boundary: Outlines, bodies: PerBody, box: Region) -> Array:
+def _share(scene: Scene, state: State, bodies: PerBody, box: Region) -> Array:
     """Share of each body in the box, (bodies,): of its outline or, without one, of its points."""
     start = scene.offsets[:-1]
     points = np.add.reduceat(state.volume * contains(box, state.x), start) / np.add.reduceat(state.volume, start)
-    x, n = state.x[:, boundary.point], len(scene.bodies)
+    boundary, x, n = scene.outlines, state.x[:, scene.outlines.point], len(scene.bodies)
     whole = np.where(np.isfinite(bodies.area), outline.area(boundary, x, n), 1.0)
     return np.where(np.isfinite(bodies.area), area_inside(box, boundary, x, n) / whole, points)
 

@@ -173,7 +173,7 @@ def network(scene: Scene, state: State) -> Network:
     [[0, 0], [-1, -2]]
     """
     check_fits(scene, state, "network")
-    contacts, boundary = state.contacts, scene.outlines
+    contacts = state.contacts
     touch, of = touching(contacts, scene.cell) & between(contacts), pairs_of(contacts, state.box).of
     own = np.flatnonzero(np.isin(of, of[touch]))
     pairs = pairs_of(among(contacts, own), state.box)
@@ -200,7 +200,7 @@ def network(scene: Scene, state: State) -> Network:
         bodies=bodies,
         normal=normal,
         force=np.stack([(normal * force).sum(axis=0), normal[0] * force[1] - normal[1] * force[0]]),
-        length=total(contact_lengths(contacts, boundary, state.x[:, boundary.point], scene.cell)[None])[0],
+        length=total(contact_lengths(scene, state)[None])[0],
         centre=centre,
         image=image,
         branch=_ends(scene, state, bodies[0], centre) - _ends(scene, state, bodies[1], centre - image) - image,
