@@ -12,11 +12,11 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import sys
 import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import UnionType
 from typing import IO, Any, Union, cast, get_args, get_origin, get_type_hints
@@ -91,7 +91,7 @@ def save(path: str | Path, state: State) -> None:
     """
     arrays: dict[str, AnyArray] = {}
     tree = _tree(state, "state", arrays)
-    about = {"format": FORMAT, "schema": SCHEMA, "skmpm": _version(), "state": tree}
+    about = {"format": FORMAT, "schema": SCHEMA, "skmpm": sys.modules["skmpm"].__version__, "state": tree}
     header = json.dumps(about).encode()
     digest = np.frombuffer(_digest(header, arrays), dtype=np.uint8)
     members = {"header": np.frombuffer(header, dtype=np.uint8), "sha256": digest, **arrays}
@@ -285,10 +285,3 @@ def _sync_directory(directory: Path) -> None:
             os.fsync(handle)
         finally:
             os.close(handle)
-
-
-def _version() -> str:
-    try:
-        return version("skmpm")
-    except PackageNotFoundError:
-        return "unknown"

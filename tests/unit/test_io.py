@@ -18,6 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from vtk.util.numpy_support import vtk_to_numpy
 
+import skmpm
 from skmpm.io import CheckpointError, checkpoint, load, read, record, save
 from skmpm.io import blocks as vtkhdf
 from skmpm.material import LinearElastic, NeoHookean, Rigid
@@ -102,6 +103,13 @@ def test_every_field_but_derived_comes_back_bit_for_bit(tmp_path, states):
     assert again.contacts.key.size > 0
     assert again.report.seconds == states[-1].report.seconds != {}
     assert [p.name for p in tmp_path.iterdir()] == ["run.checkpoint"]  # exactly this name, nothing left over
+
+
+def test_a_checkpoint_names_the_version_that_wrote_it(tmp_path, tiny):
+    """An editable installation has the version in its metadata that was installed."""
+    save(tmp_path / "s", tiny)
+    with np.load(tmp_path / "s") as members:
+        assert json.loads(members["header"].tobytes())["skmpm"] == skmpm.__version__
 
 
 def test_awkward_numbers_and_memory_orders_come_back(tmp_path, tiny):
