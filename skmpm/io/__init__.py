@@ -1,6 +1,6 @@
 """Checkpoints (`save`, `load`) and time series for ParaView (`record`, `read`)."""
 
-from skmpm.io.checkpoint import PARTIAL, CheckpointError, load, save, writable
+from skmpm.io.checkpoint import PARTIAL, CheckpointError, load, replacing, save, writable
 from skmpm.io.reading import Frame, Recording, read
 from skmpm.io.recording import Recorder, record
 
@@ -13,6 +13,7 @@ __all__ = [
     "load",
     "read",
     "record",
+    "replacing",
     "save",
     "writable",
 ]

@@ -95,7 +95,7 @@ def save(path: str | Path, state: State) -> None:
     header = json.dumps(about).encode()
     digest = np.frombuffer(_digest(header, arrays), dtype=np.uint8)
     members = {"header": np.frombuffer(header, dtype=np.uint8), "sha256": digest, **arrays}
-    with _replacing(Path(path)) as file:
+    with replacing(Path(path)) as file:
         np.savez(file, **members)  # type: ignore[arg-type]
 
 
@@ -261,7 +261,7 @@ def writable(path: str | Path) -> Path:
 
 
 @contextmanager
-def _replacing(path: Path) -> Iterator[IO[bytes]]:
+def replacing(path: Path) -> Iterator[IO[bytes]]:
     """Yield a file that replaces `path` once it is written to disk; it is removed on failure."""
     path = writable(path)
     temporary = path.parent / f"{PARTIAL}{uuid4().hex}.tmp"

@@ -24,8 +24,9 @@ from typing import Any
 
 import numpy as np
 
+from skmpm.io import replacing
+
 MANIFEST, LOCK = "manifest.json", "lock"
-PARTIAL = f".{MANIFEST}."  # begin of the name of a manifest that is being written
 LONGEST = 120  # characters of a name; file systems take 255
 PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9_.+-]*")  # a text that stands for itself: not a number, no separator
 GIVEN = re.compile(r"[A-Za-z0-9_+=,-][A-Za-z0-9_.+=,-]*")  # a name that is given
@@ -124,9 +125,8 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 
 def write_manifest(folder: Path, about: Mapping[str, Any]) -> None:
     """Replace the manifest of a directory."""
-    partial = folder / f"{PARTIAL}{os.getpid()}"
-    partial.write_text(json.dumps(about, indent=1) + "\n")
-    partial.replace(folder / MANIFEST)
+    with replacing(folder / MANIFEST) as file:
+        file.write(f"{json.dumps(about, indent=1)}\n".encode())
 
 
 def check_made_by(folder: Path, about: Mapping[str, Any], parameters: Mapping[str, Any]) -> None:

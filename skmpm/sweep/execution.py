@@ -5,13 +5,12 @@ from __future__ import annotations
 import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from itertools import chain, count
+from itertools import count
 from pathlib import Path
 from time import perf_counter, process_time
 from typing import Any, NamedTuple
 
-from skmpm.io import PARTIAL as PARTIAL_CHECKPOINT
-from skmpm.io import load, save
+from skmpm.io import PARTIAL, load, save
 from skmpm.linear.solver import one_thread
 from skmpm.scene import State
 from skmpm.sweep import directory
@@ -93,8 +92,7 @@ def _run_session(build: Build, task: Task, earlier: list[dict[str, Any]], worker
         "sessions": [*earlier, session],
     }
     directory.write_manifest(folder, about)
-    unfinished = (folder.glob(f"{begin}*") for begin in (directory.PARTIAL, PARTIAL_CHECKPOINT))
-    for left in (folder / FAILURE, *chain.from_iterable(unfinished)):  # by a process killed while it wrote
+    for left in (folder / FAILURE, *folder.glob(f"{PARTIAL}*")):  # by a process killed while it wrote
         left.unlink(missing_ok=True)
     began, spent = perf_counter(), process_time()
     outcome = Outcome("finished")

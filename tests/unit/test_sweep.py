@@ -23,6 +23,7 @@ import pytest
 from ensembles import DT, STEPS
 
 import skmpm
+from skmpm.io import PARTIAL
 from skmpm.progress import Bar
 from skmpm.sweep import directory, execution, records, run, workers
 from skmpm.sweep.directory import MANIFEST
@@ -583,7 +584,7 @@ def test_hidden_directories_and_files_of_the_user_stay(client, tmp_path):
     folder = tmp_path / "k=1"
     (folder / ".ipynb_checkpoints").mkdir(parents=True)
     (folder / ".note").write_text("mine")
-    (folder / f"{directory.PARTIAL}1").write_text("{")
+    (folder / f"{PARTIAL}1").write_text("{")
     assert skmpm.sweep(counted, [{"k": 1}], out=tmp_path, client=client)["k=1"].status == "finished"
     assert sorted(path.name for path in folder.glob(".*")) == [".ipynb_checkpoints", ".note"]
 
