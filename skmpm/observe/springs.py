@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from skmpm.arrays import Array
-from skmpm.scene import Ends, Scene, State, stiffness_of
+from skmpm.scene import Scene, State, stiffness_of
 
 
 def spring_forces(scene: Scene, state: State) -> Array:
@@ -31,21 +31,17 @@ def spring_forces(scene: Scene, state: State) -> Array:
     >>> round(float(skmpm.spring_forces(scene, state)[0, 1]), 4)
     0.0308
     """
-    forces = [-_pull(scene, i, state.x, state.t) for i in range(len(scene.springs))]
-    return np.array([f if f.ndim == 1 else f.sum(axis=1) for f in forces]).reshape(-1, 2)
+    forces = [_force(scene, i, state.x, state.t) for i in range(len(scene.springs))]
+    return np.array(forces).reshape(-1, 2)
 
 
-def _pull(scene: Scene, i: int, x: Array, t: float) -> Array:
-    """Derivative of the energy of spring i by its displacement: of a bed by those of its points, (2, m) [N/m]."""
+def _force(scene: Scene, i: int, x: Array, t: float) -> Array:
+    """Force of spring i on the points of its `where`, (2,) [N/m]: the energy that it loses by their displacement."""
     ends, k, rest = scene.sprung[i], stiffness_of(i, scene.springs[i]), scene.rest_of_spring(i, t)
     if ends.bed:
-        return np.asarray(k[:, None] * ends.first.share * _stretch(scene, ends, x, rest))
+        points = ends.first.points
+        stretch = x[:, points] - scene.initial_positions[:, points] - rest[:, None]
+        return np.asarray((-k[:, None] * ends.first.share * stretch).sum(axis=1))
     span = ends.span(x)
     length = float(np.hypot(*span))
-    return np.asarray(k * (length - rest) * span / length) if length > 0.0 else np.zeros(2)
-
-
-def _stretch(scene: Scene, ends: Ends, x: Array, rest: Array) -> Array:
-    """Displacements of the points of a bed less that without a force, (2, m) [m]."""
-    points = ends.first.points
-    return np.asarray(x[:, points] - scene.initial_positions[:, points] - rest[:, None])
+    return np.asarray(-k * (length - rest) * span / length) if length > 0.0 else np.zeros(2)

@@ -176,7 +176,7 @@ def _check(scene: Scene, state: State, body: int, length: float) -> None:
     n = len(scene.bodies)
     if not isinstance(body, int | np.integer) or not 0 <= body < n:
         raise SceneError(f"contact_pressure: body = {reprlib.repr(body)}; give the index of a body, 0 to {n - 1}")
-    if not isinstance(length, int | float | np.number):
+    if not (isinstance(length, int | float | np.number) and 0.0 <= length < np.inf):
         raise SceneError(f"contact_pressure: length = {length!r}; give a length in metres, 0 or more")
     if not scene.outlined[body]:
         raise SceneError(f"contact_pressure: body {body} has no outline; give its Points an outline")
@@ -185,8 +185,6 @@ def _check(scene: Scene, state: State, body: int, length: float) -> None:
             f"contact_pressure: body {body}: contacts act at grid nodes, which do not lie on its boundary; run with"
             " Scheme(contact=contact.point_to_curve), the default, or use observe(...).bodies.stress"
         )
-    if not (np.isfinite(length) and length >= 0.0):
-        raise SceneError(f"contact_pressure: length = {length!r}; give a length in metres, 0 or more")
 
 
 def _in_the_grid(scene: Scene, state: State, body: int, x: Array, placed: Placed) -> Array:
