@@ -9,13 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from skmpm import coulomb
-from skmpm.arrays import Array, Bools
-
-Ints = NDArray[np.intp]
+from skmpm.arrays import Array, Bools, Ints
 
 START = 0.3  # initial over final size of the discs
 MARGIN = 0.5  # pairs with a smaller gap are constraints, and no body moves farther at once [mean radius]

@@ -57,7 +57,7 @@ def shapes_of(clouds: Sequence[Points], unit: float) -> Shapes:
     ValueError
         if one has no outline, or is not convex
     """
-    loops, centres = [], [centroid(cloud) for cloud in clouds]
+    loops, centres = [], [np.average(cloud.x, axis=1, weights=cloud.volume) for cloud in clouds]
     for i, (cloud, centre) in enumerate(zip(clouds, centres, strict=True)):
         if not cloud.outline:
             raise ValueError(f"shape {i} has no outline; give the points of a disc, ellipse, polygon, ... or a mesh")
@@ -81,11 +81,6 @@ def shapes_of(clouds: Sequence[Points], unit: float) -> Shapes:
     reach = np.maximum.reduceat(np.hypot(*vertices), offsets[:-1])
     skin = chord_sagitta(boundary, vertices, len(clouds))
     return Shapes(vertices, offsets, skin, area, np.round(inertia, 10), reach, np.sqrt(area / np.pi))
-
-
-def centroid(cloud: Points) -> Array:
-    """The centre of area of a cloud of points, (2,) [m]."""
-    return np.asarray(np.average(cloud.x, axis=1, weights=cloud.volume))
 
 
 def separate(shapes: Shapes, x: Array, size: float, box: Box, friction: float, tolerance: float) -> Array | None:
