@@ -51,28 +51,28 @@ class Block:
         group = root.create_group(name)
         group.attrs["Version"], group.attrs["Type"] = VERSION, np.bytes_("PolyData")
         group.attrs["constant"] = constant
-        _growing(group, "NumberOfPoints", np.zeros(0, dtype=np.int64))
-        _growing(group, "Points", first.points, constant=constant)
+        growing(group, "NumberOfPoints", np.zeros(0, dtype=np.int64))
+        growing(group, "Points", first.points, constant=constant)
         for kind in KINDS:
             cells = group.create_group(kind)
             for part in ("NumberOfCells", "NumberOfConnectivityIds", "Offsets", "Connectivity"):
-                _growing(cells, part, np.zeros(0, dtype=np.int64))
+                growing(cells, part, np.zeros(0, dtype=np.int64))
         for place, data in (("PointData", first.of_points), ("CellData", first.of_cells)):
             group.create_group(place)
             for key, values in data.items():
-                _growing(group[place], key, values, constant=constant)
+                growing(group[place], key, values, constant=constant)
         steps = group.create_group("Steps")
         steps.attrs["NSteps"] = 0
         for name_, shape in (("Values", ()), ("PartOffsets", ()), ("NumberOfParts", ()), ("PointOffsets", ()),
                              ("CellOffsets", (4,)), ("ConnectivityIdOffsets", (4,))):  # fmt: skip
-            _growing(steps, name_, np.zeros((0, *shape), dtype=np.float64 if name_ == "Values" else np.int64))
+            growing(steps, name_, np.zeros((0, *shape), dtype=np.float64 if name_ == "Values" else np.int64))
         for place in ("PointData", "CellData"):
             offsets = steps.create_group(f"{place}Offsets")
             for key in group[place]:
-                _growing(offsets, key, np.zeros(0, dtype=np.int64))
+                growing(offsets, key, np.zeros(0, dtype=np.int64))
         block = cls(group)
         if constant:
-            _write(group["NumberOfPoints"], 0, [first.points.shape[0]])
+            write(group["NumberOfPoints"], 0, [first.points.shape[0]])
             block._append_cells(0, first.cells)
         return block
 
@@ -82,18 +82,18 @@ class Block:
         before = int(steps["PointOffsets"][k - 1]) + self._rows("PointData", k - 1) if k else 0
         part, cells = 0 if self._constant else k, np.zeros((2, 4), dtype=np.int64)
         if not self._constant:
-            _write(group["NumberOfPoints"], k, [data.points.shape[0]])
+            write(group["NumberOfPoints"], k, [data.points.shape[0]])
             cells = self._append_cells(k, data.cells)
-        _write(group["Points"], before, data.points)
+        write(group["Points"], before, data.points)
         row = {"Values": t, "PartOffsets": part, "NumberOfParts": 1, "PointOffsets": before}
         for name, value in (row | {"CellOffsets": cells[0], "ConnectivityIdOffsets": cells[1]}).items():
-            _write(steps[name], k, np.asarray(value)[None])
+            write(steps[name], k, np.asarray(value)[None])
         for place, values in (("PointData", data.of_points), ("CellData", data.of_cells)):
             for key, column in values.items():
                 offsets = steps[f"{place}Offsets"][key]
                 start = int(offsets[k - 1]) + self._rows(place, k - 1) if k else 0
-                _write(group[place][key], start, column)
-                _write(offsets, k, [start])
+                write(group[place][key], start, column)
+                write(offsets, k, [start])
 
     def count(self, steps: int) -> None:
         """Say how many steps are complete."""
@@ -115,14 +115,14 @@ class Block:
             # Parts without cells get room for one: VTK takes steps whose cells begin at one place for one part.
             begin[:, i] = np.maximum(count, 1).sum(), size.sum()
             ends = np.cumsum([0, *map(len, loops)])
-            _write(group["NumberOfCells"], k, [len(loops)])
-            _write(group["NumberOfConnectivityIds"], k, [ends[-1]])
-            _write(group["Offsets"], int(begin[0, i]) + k, ends if len(loops) else [0, 0])  # every part has one more
-            _write(group["Connectivity"], int(begin[1, i]), np.concatenate([np.zeros(0, dtype=np.int64), *loops]))
+            write(group["NumberOfCells"], k, [len(loops)])
+            write(group["NumberOfConnectivityIds"], k, [ends[-1]])
+            write(group["Offsets"], int(begin[0, i]) + k, ends if len(loops) else [0, 0])  # every part has one more
+            write(group["Connectivity"], int(begin[1, i]), np.concatenate([np.zeros(0, dtype=np.int64), *loops]))
         return begin
 
 
-def _growing(group: Any, name: str, like: NDArray[Any], *, constant: bool = False) -> None:
+def growing(group: Any, name: str, like: NDArray[Any], *, constant: bool = False) -> None:
     """Create an empty dataset that grows by rows like these, in every step as many if `constant`: a chunk of it.
 
     Chunks are not compressed: that takes as long as a step. A compressed one that is written again changes its size,
@@ -135,7 +135,7 @@ def _growing(group: Any, name: str, like: NDArray[Any], *, constant: bool = Fals
     group.create_dataset(name, shape, kind, maxshape=(None, *shape[1:]), chunks=chunks)
 
 
-def _write(data: Any, start: int, values: Any) -> None:
+def write(data: Any, start: int, values: Any) -> None:
     """Write rows from `start` on, which become the last ones."""
     rows = np.asarray(values)
     data.resize(start + rows.shape[0], axis=0)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skmpm.io.blocks import VERSION, Block, blocks_of
+from skmpm.io.blocks import VERSION, Block, blocks_of, growing, write
 from skmpm.io.checkpoint import writable
 from skmpm.optional import optional
 from skmpm.scene import Scene, State, check_scene
@@ -118,14 +118,13 @@ class Recorder:
                 f"{self._path}: the state has {state.x.shape[1]} points, the scene {n}; record its states"
             )
         self._go_to(state.t)
-        k, values = self._steps, self._vtk["Steps/Values"]
+        k = self._steps
         for name, data in blocks_of(self._scene, state).items():
             if name not in self._blocks:
                 self._blocks[name] = Block.create(self._vtk, name, data, constant=name in CONSTANT)
                 self._vtk["Assembly"][name] = optional("h5py", "record", "io").SoftLink(f"/VTKHDF/{name}")
             self._blocks[name].append(k, state.t, data)
-        values.resize(k + 1, axis=0)
-        values[k] = state.t
+        write(self._vtk["Steps/Values"], k, [state.t])
         # The step counts only when it is complete in the file: a run may be killed at any line.
         self._file.flush()
         self._count(k + 1)
@@ -172,18 +171,17 @@ def _create(file: Any, scene: Scene) -> None:
         file[f"skmpm/{name}"] = values
     steps = vtk.create_group("Steps")
     steps.attrs["NSteps"] = 0
-    steps.create_dataset("Values", (0,), np.float64, maxshape=(None,), chunks=(256,))
+    growing(steps, "Values", np.zeros(0))
     file.flush()
 
 
 def _constants(scene: Scene) -> dict[str, NDArray[Any]]:
     """What every frame has of the scene."""
-    held = [place.points for place in scene.supported]
     return {
         "body": scene.owner,
         "deformable": scene.deformable,
         "boundary_points": scene.outlines.point,
-        "held_points": np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *held])),
+        "held_points": np.flatnonzero((scene.supporting >= 0).any(axis=0)),
     }
 
 

@@ -11,13 +11,12 @@ import numpy as np
 from skmpm.observe import observe
 from skmpm.scene import Scene, State
 from skmpm.scheme import Scheme
+from skmpm.simulation import CHECKPOINT_EVERY
 from skmpm.simulation import simulate as run_scene
 
 Value = float | int | bool | str
 Row = Mapping[str, Value]
 Rows = Sequence[Row]
-
-CHECKPOINT_EVERY = 30.0  # [s] of wall time, as in `simulate`
 
 
 def observables(scene: Scene, state: State) -> dict[str, Value]:
