@@ -63,9 +63,9 @@ class Block:
                 growing(group[place], key, values, constant=constant)
         steps = group.create_group("Steps")
         steps.attrs["NSteps"] = 0
-        for name_, shape in (("Values", ()), ("PartOffsets", ()), ("NumberOfParts", ()), ("PointOffsets", ()),
-                             ("CellOffsets", (4,)), ("ConnectivityIdOffsets", (4,))):  # fmt: skip
-            growing(steps, name_, np.zeros((0, *shape), dtype=np.float64 if name_ == "Values" else np.int64))
+        for key in ("Values", "PartOffsets", "NumberOfParts", "PointOffsets", "CellOffsets", "ConnectivityIdOffsets"):
+            of_kinds = key in ("CellOffsets", "ConnectivityIdOffsets")
+            growing(steps, key, np.zeros((0, len(KINDS)) if of_kinds else 0, dtype=np.int64))
         for place in ("PointData", "CellData"):
             offsets = steps.create_group(f"{place}Offsets")
             for key in group[place]:

@@ -131,10 +131,8 @@ def _sums(values: Array, group: Ints, groups: int = 0) -> Array:
 
 def _point_forces(side: Side, segment: Ints, t: Array, loads: Array) -> Array:
     """Loads (components, k) over the tributary lengths of the points they act at (n, components)."""
-    out = np.zeros((side.point.size, len(loads)))
-    np.add.at(out, segment, (1.0 - t)[:, None] * loads.T)
-    np.add.at(out, (segment + 1) % side.point.size, t[:, None] * loads.T)
-    return np.asarray(out / side.weight[:, None])
+    at, n = np.append(segment, (segment + 1) % side.point.size), side.point.size
+    return _sums(np.concatenate([(1.0 - t) * loads, t * loads], axis=1).T, at, n) / side.weight[:, None]
 
 
 def _stretches(side: Side, loaded: Bools) -> Ints:

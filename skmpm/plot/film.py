@@ -73,9 +73,7 @@ def animate(
     fall.gif True
     """
     path = Path(path)
-    _check(path)
-    pictures = _pictures(states, scene)
-    writer, axes = _writer(path, fps), new_axes()
+    writer, pictures, axes = _writer(path, fps), _pictures(states, scene), new_axes()
     fields = [field_of(seen, colour, label, fringe) for seen in pictures]
     style = style_of(pictures, fields, forces=forces, limits=limits, view=view, units=units)
     picture: Any = axes.get_figure()
@@ -108,15 +106,12 @@ def _pictures(states: Iterable[State] | Iterable[Frame], scene: Scene | None) ->
     return pictures
 
 
-def _check(path: Path) -> None:
-    """Raise an error where no film can be written, before anything is drawn."""
+def _writer(path: Path, fps: int) -> Any:
+    """A writer of films; an error where none can be written, before anything is drawn."""
     if path.suffix.lower() not in WRITERS:
         raise ValueError(f"animate: {path} has the suffix {path.suffix!r}; use .mp4, .gif or .html")
     if not path.parent.is_dir():
         raise FileNotFoundError(f"animate: the directory {path.parent} does not exist")
-
-
-def _writer(path: Path, fps: int) -> Any:
     animation, kind = matplotlib_module("animation"), WRITERS[path.suffix.lower()]
     if not animation.writers.is_available(kind):
         raise ValueError(f"animate: {path} needs {kind}, which is not installed; install it, or write a .gif")

@@ -81,12 +81,8 @@ def ring(centre: ArrayLike, inner: float, outer: float, *, spacing: float) -> Po
     >>> round(float(1e6 * points.volume.sum()), 3)
     9.425
     """
-    c, a, b, h = (
-        point("centre", centre),
-        positive("inner", inner),
-        positive("outer", outer),
-        positive("spacing", spacing),
-    )
+    c, h = point("centre", centre), positive("spacing", spacing)
+    a, b = positive("inner", inner), positive("outer", outer)
     if a >= b:
         raise ValueError(f"inner is {a:g} and outer {b:g}; give an inner radius below the outer one")
     check_number(np.pi * (b**2 - a**2), h)
