@@ -85,6 +85,9 @@ def animate(
             draw(axes, seen, field, style)
             scale, unit = prefixed("s", seen.t, style.units)
             axes.set_title(f"t = {seen.t / scale:.4g} {unit}", loc="right")
+            if seen is pictures[0]:
+                picture.draw_without_rendering()
+                picture.set_layout_engine("none")  # that of another frame may differ, and axes would jump
             writer.grab_frame()
     matplotlib_module("pyplot").close(picture)
     return path
