@@ -114,16 +114,19 @@ class Layout(Input):
         return tuple(dict.fromkeys(material for body in self.bodies for material in body.materials))
 
     @cached_property
+    def material_index(self) -> Ints:
+        """The index of each point's material in `materials`, -1 in rigid bodies, (n,)."""
+        index, place = np.full(self.offsets[-1], -1), {material: k for k, material in enumerate(self.materials)}
+        for body, first in zip(self.bodies, self.offsets[:-1], strict=True):
+            for material, points in body.parts:
+                index[first : first + body.points.size][points] = place[material]
+        return index
+
+    @cached_property
     def points_by_material(self) -> tuple[tuple[Material, Ints], ...]:
         """The deformable materials, each with its points among those of deformable bodies."""
-        number, place = np.zeros(int(self.deformable[self.owner].sum()), dtype=np.int64), dict[Material, int]()
-        first = 0
-        for body in self.bodies:
-            for material, points in body.parts:
-                own = number[first : first + body.points.size]
-                own[points] = place.setdefault(material, len(place))
-            first += body.points.size if body.parts else 0
-        return tuple((material, np.flatnonzero(number == k)) for material, k in place.items())
+        own = self.material_index[self.deformable_points]
+        return tuple((material, np.flatnonzero(own == k)) for k, material in enumerate(self.materials))
 
     @cached_property
     def internal_variables(self) -> int:
@@ -143,14 +146,9 @@ class Layout(Input):
     @cached_property
     def densities(self) -> Array:
         """Densities at all points, (n,) [kg/m3]."""
-        density = np.zeros(self.offsets[-1])
-        for body, first, last in zip(self.bodies, self.offsets[:-1], self.offsets[1:], strict=True):
-            own = density[first:last]
-            if isinstance(body.material, Rigid):
-                own[:] = body.material.density
-            for material, points in body.parts:
-                own[points] = material.density
-        return density
+        rigid = [body.material.density if isinstance(body.material, Rigid) else np.nan for body in self.bodies]
+        deformable = np.array([material.density for material in self.materials])
+        return np.where(self.material_index < 0, np.array(rigid)[self.owner], deformable[self.material_index])
 
     @cached_property
     def masses(self) -> Array:

@@ -27,22 +27,16 @@ from skmpm.scene.values import motion, scalar
 
 def material_at(scene: Layout, point: int) -> Material | Rigid:
     """The material of a point."""
-    body = scene.bodies[scene.owner[point]]
-    local = point - scene.offsets[scene.owner[point]]
-    if isinstance(body.material, Rigid):
-        return body.material
-    every = np.arange(body.points.size)
-    found: Material = next(material for material, points in body.parts if (every[points] == local).any())
-    return found
+    whole = scene.bodies[scene.owner[point]].material
+    return whole if isinstance(whole, Rigid) else scene.materials[scene.material_index[point]]
 
 
 def initial_internal(scene: Layout) -> Array:
     """Internal variables of all points at t = 0, (k, n), k as of the material that has most; zero elsewhere."""
-    deformable = np.flatnonzero(scene.deformable[scene.owner])
     internal = np.zeros((scene.internal_variables, scene.owner.size))
-    for material, points in scene.points_by_material:
+    for k, material in enumerate(scene.materials):
         state = initial_state(material)
-        internal[: state.shape[0], deformable[points]] = state
+        internal[: state.shape[0], scene.material_index == k] = state
     return internal
 
 
@@ -79,14 +73,12 @@ def surface_compliance(scene: Layout) -> Array:
 
     Of a body of several materials it is the mean over its boundary points, where it is touched.
     """
-    result = np.zeros(len(scene.bodies))
-    for i, body in enumerate(scene.bodies):
-        at = np.zeros(body.points.size)
-        for material, points in body.parts:
-            lam, mu = material.lame
-            at[points] = (lam + 2.0 * mu) / (4.0 * mu * (lam + mu))
-        boundary = np.concatenate(body.points.outline) if body.points.outline else slice(None)
-        result[i] = at[0] if len(body.parts) == 1 else at[boundary].mean()
+    each = [(lam + 2.0 * mu) / (4.0 * mu * (lam + mu)) for lam, mu in (material.lame for material in scene.materials)]
+    at = np.array([*each, 0.0])[scene.material_index]
+    result = at[scene.offsets[:-1]]
+    for b in np.flatnonzero(scene.composite).tolist():
+        own, boundary = at[scene.offsets[b] : scene.offsets[b + 1]], scene.bodies[b].points.outline
+        result[b] = own[np.concatenate(boundary) if boundary else slice(None)].mean()
     return result
 
 

@@ -221,6 +221,7 @@ def _check_bodies(scene: Scene, new_scene: Scene, former: Ints) -> None:
             f"continued: the periodic box of the new scene is {boxes[1]} m at t = 0, that of the old one"
             f" {boxes[0]} m; keep it, or give it a rate"
         )
+    memories, new_memories = _memories(scene), _memories(new_scene)
     for b, (i, new) in enumerate(zip(former.tolist(), new_scene.bodies, strict=True)):
         old, same = scene.bodies[i], _same_points(scene.bodies[i], new)
         was, now = (slice(each.offsets[k], each.offsets[k + 1]) for each, k in ((scene, i), (new_scene, b)))
@@ -238,7 +239,7 @@ def _check_bodies(scene: Scene, new_scene: Scene, former: Ints) -> None:
                     f"continued: body {b} of the new scene has another {name}, but bodies go on with the velocities"
                     f" of the state; leave its {name} out, and give dataclasses.replace(state, v=..., C=...) others"
                 )
-        if (_memories(old) != _memories(new)).any():
+        if (memories[was] != new_memories[now]).any():
             raise SceneError(
                 f"continued: points of body {b} have internal variables of another material in the new scene;"
                 " materials with memory keep their class and their points"
@@ -253,12 +254,10 @@ def _given_anew(old: Any, new: Any, x: Array) -> bool:
     return bool(np.any(now) and not np.allclose(was, now))
 
 
-def _memories(body: Body) -> NDArray[np.object_]:
+def _memories(scene: Scene) -> NDArray[np.object_]:
     """The class of the material of each point, None where it has no memory, (n,)."""
-    kinds = np.full(body.points.size, None, dtype=object)
-    for material, points in body.parts:
-        kinds[points] = type(material) if has_memory(material) else None
-    return kinds
+    kinds = [type(material) if has_memory(material) else None for material in scene.materials]
+    return np.array([*kinds, None], dtype=object)[scene.material_index]
 
 
 def _former_walls(scene: Scene, new_scene: Scene) -> Ints:
