@@ -2,7 +2,8 @@
 
 from skmpm.scene.check import MAX_OVERLAP, TOUCHING, check_walls_at_start, overlaps
 from skmpm.scene.fits import check_fits, check_initial_positions, check_scene
-from skmpm.scene.model import initial_internal, material_at, plastic_strain
+from skmpm.scene.layout import material_at
+from skmpm.scene.model import initial_internal, plastic_strain
 from skmpm.scene.objects import Body, Load, Pressure, Spring, Support, Wall, rigid_motion
 from skmpm.scene.out_of_plane import mises, stress_zz
 from skmpm.scene.periodic import Periodic, box_corners, deformed, into_box, recut

@@ -10,7 +10,7 @@ import numpy as np
 from skmpm.arrays import Bools
 from skmpm.material import Rigid
 from skmpm.points import Points
-from skmpm.scene.layout import Input
+from skmpm.scene.layout import Layout
 from skmpm.scene.model import Model
 from skmpm.scene.objects import Body, Load, Pressure, Spring, Support, Wall
 from skmpm.scene.periodic import Periodic
@@ -28,7 +28,7 @@ REMEDY = {
 SHORTEST = 1e-6  # [cells] bar at t = 0, which needs a direction
 
 
-def check_functions(scene: Input) -> None:
+def check_functions(scene: Layout) -> None:
     """Raise SceneError for the first function that cannot be called with its arguments; none is called."""
     for name, function, arguments in _given(scene):
         if not callable(function):
@@ -47,7 +47,7 @@ def check_functions(scene: Input) -> None:
             raise SceneError(message) from None
 
 
-def _given(scene: Input) -> Given:
+def _given(scene: Layout) -> Given:
     """Name, function or value, and arguments."""
     yield "gravity", scene.gravity, FIELD
     for kind, objects in (

@@ -15,7 +15,7 @@ import numpy as np
 
 from skmpm.arrays import Array, Ints
 from skmpm.representation import span
-from skmpm.scene.layout import Input
+from skmpm.scene.layout import Layout
 from skmpm.scene.values import SceneError, not_negative
 
 DEFAULT = "default"  # key of a table for pairs without an entry
@@ -72,7 +72,7 @@ class Friction:
         return f"bodies {first[0]} and {others[0]}" if others.size else f"body {first[0]} with itself"
 
 
-def friction_of(scene: Input) -> Friction:
+def friction_of(scene: Layout) -> Friction:
     """The coefficients of all pairs of a scene.
 
     Raises
@@ -113,7 +113,7 @@ class _Surface(NamedTuple):
 _Entries = dict[frozenset[str], float]  # by pairs of names
 
 
-def _table(scene: Input) -> tuple[_Entries, float | None]:
+def _table(scene: Layout) -> tuple[_Entries, float | None]:
     """The entries by pairs of names, and the default, None without one."""
     if not isinstance(scene.friction, Mapping):
         return {}, not_negative("friction between bodies", scene.friction, COEFFICIENT)

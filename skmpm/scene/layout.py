@@ -26,8 +26,8 @@ MAX_THICKNESS_SHARE = 0.25  # of the thinnest part that a point may move through
 
 
 @dataclass(frozen=True, repr=False)
-class Input:
-    """The fields of a scene; `Scene` describes them."""
+class Layout:
+    """The fields of a scene, which `Scene` describes: bodies, their points and outlines, and walls."""
 
     bodies: Sequence[Body]
     cell: float = field(kw_only=True)
@@ -41,10 +41,6 @@ class Input:
     overlap: float = field(default=0.0, kw_only=True)
     gravity: ArrayLike | Callable[[Array, float], ArrayLike] = field(default=(0.0, 0.0), kw_only=True)
     periodic: Periodic | None = field(default=None, kw_only=True)
-
-
-class Layout(Input):
-    """Bodies, their points and outlines, and walls."""
 
     @cached_property
     def offsets(self) -> Ints:
@@ -278,6 +274,12 @@ class Layout(Input):
     def has_scalar_unknowns(self) -> bool:
         """Whether forces move anything that has no grid: walls, rigid bodies, a periodic box."""
         return bool(self.driven_walls.size or self.free_rigid.size or self.stressed)
+
+
+def material_at(scene: Layout, point: int) -> Material | Rigid:
+    """The material of a point."""
+    whole = scene.bodies[scene.owner[point]].material
+    return whole if isinstance(whole, Rigid) else scene.materials[scene.material_index[point]]
 
 
 def _groups_of(body: Body) -> str:

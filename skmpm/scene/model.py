@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from skmpm.arrays import Array, Bools, Ints
-from skmpm.material import Material, Rigid, bounded_modulus, has_memory, initial_state
+from skmpm.material import bounded_modulus, has_memory, initial_state
 from skmpm.scene.friction import Friction, friction_of
 from skmpm.scene.layout import Layout
 from skmpm.scene.objects import Load, Pressure
@@ -16,19 +16,12 @@ from skmpm.scene.point_sets import (
     Ends,
     PointSet,
     ends_of,
-    loaded_points,
+    points_with_shares,
+    prescribed_components,
     pressed_segments,
-    rest_of,
-    support_velocities,
     supported_points,
 )
-from skmpm.scene.values import motion, scalar
-
-
-def material_at(scene: Layout, point: int) -> Material | Rigid:
-    """The material of a point."""
-    whole = scene.bodies[scene.owner[point]].material
-    return whole if isinstance(whole, Rigid) else scene.materials[scene.material_index[point]]
+from skmpm.scene.values import SceneError, motion, scalar
 
 
 def initial_internal(scene: Layout) -> Array:
@@ -54,34 +47,6 @@ def plastic_strain(scene: Layout, internal: Array) -> Array:
     return out
 
 
-def crossing_times(scene: Layout) -> Array:
-    """Time in which pressure waves cross the radius of a disc of that area, (bodies,) [s]; inf for rigid ones.
-
-    In a body of several materials the radius is shared between them as the volume is.
-    """
-    radius = np.sqrt(np.add.reduceat(scene.initial_volumes, scene.offsets[:-1]) / np.pi)
-    slowness = np.full(len(scene.bodies), np.inf)
-    for i, body in enumerate(scene.bodies):
-        volume, total = body.points.volume, body.points.volume.sum()
-        each = [np.sqrt(m.density / (m.lame[0] + 2.0 * m.lame[1])) * (volume[p].sum() / total) for m, p in body.parts]
-        slowness[i] = sum(each) if each else np.inf
-    return np.asarray(radius * slowness)
-
-
-def surface_compliance(scene: Layout) -> Array:
-    """(1 - nu^2) / E at small strain, by body, (bodies,) [1/Pa]; zero for rigid bodies.
-
-    Of a body of several materials it is the mean over its boundary points, where it is touched.
-    """
-    each = [(lam + 2.0 * mu) / (4.0 * mu * (lam + mu)) for lam, mu in (material.lame for material in scene.materials)]
-    at = np.array([*each, 0.0])[scene.material_index]
-    result = at[scene.offsets[:-1]]
-    for b in np.flatnonzero(scene.composite).tolist():
-        own, boundary = at[scene.offsets[b] : scene.offsets[b + 1]], scene.bodies[b].points.outline
-        result[b] = own[np.concatenate(boundary) if boundary else slice(None)].mean()
-    return result
-
-
 class Model(Layout):
     """Points and walls with what acts on them."""
 
@@ -92,13 +57,32 @@ class Model(Layout):
 
     @cached_property
     def crossing_times(self) -> Array:
-        """Time in which pressure waves cross the radius of a disc of that area, (bodies,) [s]; inf for rigid ones."""
-        return crossing_times(self)
+        """Time in which pressure waves cross the radius of a disc of that area, (bodies,) [s]; inf for rigid ones.
+
+        In a body of several materials the radius is shared between them as the volume is.
+        """
+        radius = np.sqrt(np.add.reduceat(self.initial_volumes, self.offsets[:-1]) / np.pi)
+        slowness = np.full(len(self.bodies), np.inf)
+        for i, body in enumerate(self.bodies):
+            volume, total = body.points.volume, body.points.volume.sum()
+            parts = [(m.density, *m.lame, volume[p].sum() / total) for m, p in body.parts]
+            each = [np.sqrt(density / (lam + 2.0 * mu)) * share for density, lam, mu, share in parts]
+            slowness[i] = sum(each) if each else np.inf
+        return np.asarray(radius * slowness)
 
     @cached_property
     def compliance(self) -> Array:
-        """(1 - nu^2) / E at the surface of each body, at small strain (bodies,) [1/Pa]; zero for rigid bodies."""
-        return surface_compliance(self)
+        """(1 - nu^2) / E at small strain, by body, (bodies,) [1/Pa]; zero for rigid bodies.
+
+        Of a body of several materials it is the mean over its boundary points, where it is touched.
+        """
+        each = [(lam + 2.0 * mu) / (4.0 * mu * (lam + mu)) for lam, mu in (m.lame for m in self.materials)]
+        at = np.array([*each, 0.0])[self.material_index]
+        result = at[self.offsets[:-1]]
+        for b in np.flatnonzero(self.composite).tolist():
+            own, boundary = at[self.offsets[b] : self.offsets[b + 1]], self.bodies[b].points.outline
+            result[b] = own[np.concatenate(boundary) if boundary else slice(None)].mean()
+        return result
 
     @property
     def can_touch(self) -> bool:
@@ -116,8 +100,22 @@ class Model(Layout):
         return tuple(supported_points(self, i, support) for i, support in enumerate(self.supports))
 
     def support_velocities(self, t: float, dt: float | None = None) -> Array:
-        """Velocities of supports in a step from t to t + dt, or at t, (supports, 2) [m/s], nan where free."""
-        return support_velocities(self, t, dt)
+        """Velocities of supports in a step from t to t + dt [s], (supports, 2) [m/s], nan where free.
+
+        They are the prescribed ones in its middle, and mean ones of prescribed displacements. Without dt they are
+        those at t, where displacements are differentiated over the time in which waves cross a cell, which steps do
+        not resolve. SceneError if one is invalid.
+        """
+        interval, middle = (self.cell / self.fastest_wave, t) if dt is None else (dt, t + 0.5 * dt)
+        each = np.empty((len(self.supports), 2))
+        for i, support in enumerate(self.supports):
+            if support.displacement is None:
+                each[i] = prescribed_components(support, middle, f"support {i}: velocity")
+            else:
+                name = f"support {i}: displacement"
+                start, end = (prescribed_components(support, time, name) for time in (t, t + interval))
+                each[i] = (end - start) / interval
+        return each
 
     @cached_property
     def free_components(self) -> Bools:
@@ -147,7 +145,8 @@ class Model(Layout):
     @cached_property
     def loaded(self) -> Sequence[PointSet]:
         """The points that share each dead load."""
-        return tuple(loaded_points(self, i, load) for i, load in enumerate(self.loads) if isinstance(load, Load))
+        where = {f"load {i}: where": load.where for i, load in enumerate(self.loads) if isinstance(load, Load)}
+        return tuple(points_with_shares(self, name, chosen, self.movable) for name, chosen in where.items())
 
     @cached_property
     def pressures(self) -> Sequence[Pressure]:
@@ -173,4 +172,12 @@ class Model(Layout):
 
     def rest_of_spring(self, i: int, t: float) -> Array:
         """What spring i has at time t without a force: displacement (2,) of a bed, length () of a bar [m]."""
-        return rest_of(i, self.springs[i], self.sprung[i], self.initial_positions, t)
+        given, ends, name = self.springs[i].rest, self.sprung[i], f"spring {i}: rest"
+        if ends.bed:
+            return motion((0.0, 0.0) if given is None else given, t, name)
+        if given is None:
+            return np.asarray(np.hypot(*ends.span(self.initial_positions)))
+        length = scalar(given, t, name)
+        if length < 0.0:
+            raise SceneError(f"{name} = {length:g} m at t = {t:.6g} s; a length is zero or more")
+        return np.asarray(length)

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from skmpm.arrays import Array, Bools, Ints
 from skmpm.outline import Outlines
 from skmpm.scene.layout import Layout
-from skmpm.scene.objects import Load, Pressure, Spring, Support
-from skmpm.scene.values import SceneError, components, motion, not_negative, numbers, positive, scalar, vector
+from skmpm.scene.objects import Pressure, Spring, Support, Where
+from skmpm.scene.values import SceneError, components, not_negative, numbers, positive, scalar, vector
 
 TURNING = "to turn points, give `rotation`"
 
@@ -26,18 +24,9 @@ class PointSet:
     share: Array  # (m,) their sum is 1
 
 
-def loaded_points(scene: Layout, i: int, load: Load) -> PointSet:
-    """The points of bodies that forces move which share load i, as `points_with_shares`."""
-    return _with_shares(scene, matching(scene, f"load {i}: where", load.where, scene.movable))
-
-
-def points_with_shares(scene: Layout, name: str, where: Callable[[Array], ArrayLike]) -> PointSet:
-    """The points where a function is true: by boundary length if these are boundary points, otherwise by volume."""
-    return _with_shares(scene, matching(scene, name, where))
-
-
-def _with_shares(scene: Layout, points: Ints) -> PointSet:
-    boundary = scene.outlines
+def points_with_shares(scene: Layout, name: str, where: Where, bodies: Bools | None = None) -> PointSet:
+    """The `matching` points: by boundary length if these are boundary points, otherwise by volume."""
+    points, boundary = matching(scene, name, where, bodies), scene.outlines
     if np.isin(points, boundary.point).all():
         share = _lengths(boundary, scene.initial_positions, points)
     else:
@@ -52,7 +41,7 @@ def pressed_segments(scene: Layout, i: int, pressure: Pressure) -> Ints:
     return np.flatnonzero(chosen[boundary.point] & chosen[boundary.point[boundary.next]])
 
 
-def matching(scene: Layout, name: str, where: Callable[[Array], ArrayLike], bodies: Bools | None = None) -> Ints:
+def matching(scene: Layout, name: str, where: Where, bodies: Bools | None = None) -> Ints:
     """The points of some bodies (bodies,), by default the deformable ones, where a function is true.
 
     SceneError where it is true at others that forces move: they would move as if it were not.
@@ -103,32 +92,8 @@ def supported_points(scene: Layout, i: int, support: Support) -> PointSet:
     return PointSet(points, np.full(points.size, 1.0 / max(points.size, 1)))
 
 
-def support_velocities(scene: Layout, t: float, dt: float | None = None) -> Array:
-    """Velocities of supports in a step from t to t + dt [s], (supports, 2) [m/s], nan where free.
-
-    They are the prescribed ones in its middle, and mean ones of prescribed displacements. Without dt they are those
-    at t, where displacements are differentiated over the time in which waves cross a cell, which steps do not
-    resolve.
-
-    Raises
-    ------
-    SceneError
-        if one is invalid
-    """
-    interval, middle = (scene.cell / scene.fastest_wave, t) if dt is None else (dt, t + 0.5 * dt)
-    each = np.empty((len(scene.supports), 2))
-    for i, support in enumerate(scene.supports):
-        if support.displacement is None:
-            each[i] = prescribed_components(support, middle, f"support {i}: velocity")
-        else:
-            name = f"support {i}: displacement"
-            start, end = (prescribed_components(support, time, name) for time in (t, t + interval))
-            each[i] = (end - start) / interval
-    return each
-
-
 def support_rotations(scene: Layout, t: float, dt: float | None = None) -> Array:
-    """Rates of cosine and sine of the angles of supports that turn, (2, n) [1/s], as `support_velocities`.
+    """Rates of cosine and sine of the angles of supports that turn, (2, n) [1/s], as `Model.support_velocities`.
 
     Raises
     ------
@@ -202,21 +167,6 @@ def stiffness_of(i: int, spring: Spring) -> Array:
     if not each.any():
         raise SceneError(f"{name} = {spring.stiffness}; give at least one that is not zero")
     return each
-
-
-def rest_of(i: int, spring: Spring, ends: Ends, X: Array, t: float) -> Array:
-    """What spring i has at time t without a force: displacement (2,) of a bed, length () of a bar [m].
-
-    X (2, n) are positions at t = 0.
-    """
-    if ends.bed:
-        return motion((0.0, 0.0) if spring.rest is None else spring.rest, t, f"spring {i}: rest")
-    if spring.rest is None:
-        return np.asarray(np.hypot(*ends.span(X)))
-    length = scalar(spring.rest, t, f"spring {i}: rest")
-    if length < 0.0:
-        raise SceneError(f"spring {i}: rest = {length:g} m at t = {t:.6g} s; a length is zero or more")
-    return np.asarray(length)
 
 
 def prescribed_components(support: Support, t: float, name: str) -> Array:

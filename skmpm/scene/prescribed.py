@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 
 from skmpm.arrays import Array, Ints
-from skmpm.scene.layout import Input, Layout
+from skmpm.scene.layout import Layout
 from skmpm.scene.model import Model
 from skmpm.scene.objects import Body, rigid_motion
 from skmpm.scene.periodic import deformed
-from skmpm.scene.point_sets import support_rotations, support_velocities
+from skmpm.scene.point_sets import support_rotations
 from skmpm.scene.values import SceneError, field_values, motion
 
 
-def gravity_at(scene: Input, X: Array, t: float) -> Array:
+def gravity_at(scene: Layout, X: Array, t: float) -> Array:
     """Gravity at undeformed positions X (2, n) at time t, (2, n) [m/s2]; SceneError if a field of it is wrong."""
     if not callable(scene.gravity):
         return np.broadcast_to(np.asarray(scene.gravity, dtype=float)[:, None], X.shape)
@@ -134,7 +134,7 @@ def prescribed_velocities(scene: Model, t: float, dt: float, box: Array | None =
     return PrescribedVelocities(walls, *rigid, supports, walls, dt, at_end, box)
 
 
-def prescribed_motions(scene: Input) -> list[Any]:
+def prescribed_motions(scene: Layout) -> list[Any]:
     """What prescribes the motion of rigid bodies, walls, supports and box: constants and functions of time."""
     rate = () if scene.periodic is None else (scene.periodic.rate,)
     box = [each if callable(each) else np.ravel(np.asarray(each, dtype=float)) for each in rate]
@@ -157,11 +157,11 @@ def _rigid(scene: Model, t: float) -> Array:
 
 
 def _supports(scene: Model, t: float, dt: float) -> Array:
-    velocity = support_velocities(scene, t, dt)
+    velocity = scene.support_velocities(t, dt)
     changed = np.flatnonzero((np.isnan(velocity) != scene.free_components).any(axis=1))
     if changed.size:
         raise SceneError(
             f"support {changed[0]}: velocity at t = {t + 0.5 * dt:.6g} s is {velocity[changed[0]]}, at t = 0"
-            f" {support_velocities(scene, 0.0)[changed[0]]} (nan: None); a component is free always or never"
+            f" {scene.support_velocities(0.0)[changed[0]]} (nan: None); a component is free always or never"
         )
     return np.concatenate([np.nan_to_num(velocity).ravel(), support_rotations(scene, t, dt).T.ravel()])

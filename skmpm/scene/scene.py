@@ -22,38 +22,6 @@ from skmpm.scene.values import SceneError
 ROUND = 1e-3  # deviation of boundary points from a circle, over its radius
 
 
-def round_bodies(scene: Model) -> Bools:
-    """Bodies whose boundaries are circles about their centres of mass, (bodies,)."""
-    found = np.zeros(len(scene.bodies), dtype=bool)
-    boundary, x, volume = scene.outlines, scene.initial_positions, scene.initial_volumes
-    for b in np.flatnonzero(scene.outlined).tolist():
-        points = slice(scene.offsets[b], scene.offsets[b + 1])
-        centre = np.average(x[:, points], axis=1, weights=volume[points])
-        own = np.flatnonzero(boundary.body == b)
-        radius = np.hypot(*(x[:, boundary.point[own]] - centre[:, None]))
-        loops = np.split(radius, np.flatnonzero(boundary.previous[own] >= own)[1:])
-        found[b] = all(np.ptp(r) <= ROUND * r.max() for r in loops)
-    return found
-
-
-def indifferent_to_rotation(scene: Model, circular: Bools) -> Bools:
-    """Round bodies, rigid or isotropic and elastic, that nothing but frictionless contact acts on, (bodies,).
-
-    Bodies in a mask (bodies,) are `circular`. Several materials do not matter if they are concentric rings.
-    """
-    if scene.frictions.among_bodies.any() or scene.cohesive:
-        return np.zeros(len(scene.bodies), dtype=bool)
-    isotropic = {id(material): _isotropic(material) for body in scene.bodies for material in body.materials}
-    symmetric = [all(isotropic[id(m)] for m in body.materials) and _rings(body) for body in scene.bodies]
-    found = circular & np.array(symmetric)
-    ends = [place for ends in scene.sprung for place in ends.sets]
-    for place in (*scene.supported, *scene.loaded, *ends):
-        found[scene.owner[place.points]] = False
-    for segments in scene.pressed:
-        found[scene.outlines.body[segments]] = False
-    return np.asarray(found)
-
-
 def _rings(body: Body) -> bool:
     """Whether the materials of a body are rings about its centre of mass, or one."""
     if len(body.parts) <= 1:
@@ -150,12 +118,34 @@ class Scene(Model):
     @cached_property
     def round(self) -> Bools:
         """Which bodies are bounded by circles about their centres of mass, (bodies,)."""
-        return round_bodies(self)
+        found = np.zeros(len(self.bodies), dtype=bool)
+        boundary, x, volume = self.outlines, self.initial_positions, self.initial_volumes
+        for b in np.flatnonzero(self.outlined).tolist():
+            points = slice(self.offsets[b], self.offsets[b + 1])
+            centre = np.average(x[:, points], axis=1, weights=volume[points])
+            own = np.flatnonzero(boundary.body == b)
+            radius = np.hypot(*(x[:, boundary.point[own]] - centre[:, None]))
+            loops = np.split(radius, np.flatnonzero(boundary.previous[own] >= own)[1:])
+            found[b] = all(np.ptp(r) <= ROUND * r.max() for r in loops)
+        return found
 
     @cached_property
     def indifferent_to_rotation(self) -> Bools:
-        """Which bodies are round, isotropic or rigid, and only frictionless contact acts on them, (bodies,)."""
-        return indifferent_to_rotation(self, self.round)
+        """Which bodies are round, rigid or isotropic and elastic, and only frictionless contact acts on, (bodies,).
+
+        Several materials do not matter if they are concentric rings.
+        """
+        if self.frictions.among_bodies.any() or self.cohesive:
+            return np.zeros(len(self.bodies), dtype=bool)
+        isotropic = {material: _isotropic(material) for material in self.materials}
+        symmetric = [all(isotropic[m] for m in body.materials) and _rings(body) for body in self.bodies]
+        found = self.round & np.array(symmetric)
+        ends = [place for ends in self.sprung for place in ends.sets]
+        for place in (*self.supported, *self.loaded, *ends):
+            found[self.owner[place.points]] = False
+        for segments in self.pressed:
+            found[self.outlines.body[segments]] = False
+        return np.asarray(found)
 
     @cached_property
     def free_to_turn(self) -> Bools:

@@ -381,7 +381,7 @@ def pulled(t):
 @pytest.mark.parametrize(
     "option, names",
     [
-        ({"loads": [Load(right, pulled)]}, ("point_sets.loaded_points",)),
+        ({"loads": [Load(right, pulled)]}, ("point_sets.points_with_shares",)),
         (
             {"supports": [Support(left)]},
             ("point_sets.supported_points", "Elimination.factorised", "Supported.__call__"),
