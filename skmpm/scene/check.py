@@ -13,7 +13,7 @@ from skmpm.outline import curve
 from skmpm.points import Points
 from skmpm.points import check as check_points
 from skmpm.points.cloud import signed_area
-from skmpm.scene.check_parts import check_functions, check_groups, check_loads, check_springs, check_supports
+from skmpm.scene.check_parts import check_groups, check_kinds, check_loads, check_springs, check_supports
 from skmpm.scene.model import Model
 from skmpm.scene.objects import Body, Wall, rigid_motion
 from skmpm.scene.periodic import Periodic
@@ -38,7 +38,7 @@ def check(scene: Model) -> None:
             f"overlap = {scene.overlap:g} m is {scene.overlap / scene.cell:.3g} cells; give at most a quarter of a"
             " cell, or use a larger cell"
         )
-    check_functions(scene)
+    check_kinds(scene)
     for i, body in enumerate(scene.bodies):
         _check_body(f"body {i}", body)
     if not scene.deformable.any():
@@ -56,17 +56,13 @@ def check(scene: Model) -> None:
     check_loads(scene)
     check_springs(scene)
     if scene.periodic is not None:
-        _check_periodic(scene)
+        _check_periodic(scene, scene.periodic)
     _check_overlaps(scene)
 
 
-def _check_periodic(scene: Model) -> None:
-    if not isinstance(scene.periodic, Periodic):
-        raise SceneError(
-            f"periodic is a {type(scene.periodic).__name__}; use skmpm.Periodic(width, height), or None without a box"
-        )
-    scene.periodic.check()
-    edges = scene.periodic.box
+def _check_periodic(scene: Model, periodic: Periodic) -> None:
+    periodic.check()
+    edges = periodic.box
     if edges.shape[1] == 2 and scene.walls:
         raise SceneError(
             f"periodic: the scene also has {len(scene.walls)} walls; leave them out, or make the box periodic in one"
@@ -82,8 +78,6 @@ def _check_periodic(scene: Model) -> None:
 
 
 def _check_body(name: str, body: Body) -> None:
-    if not isinstance(body, Body):
-        raise SceneError(f"{name} is a {type(body).__name__}; use skmpm.Body(points, material)")
     if not isinstance(body.points, Points):
         raise SceneError(
             f"{name}: points is a {type(body.points).__name__}; use skmpm.Points, disc, from_outline or from_mesh"
@@ -164,8 +158,6 @@ def _check_motion(name: str, body: Body) -> None:
 
 
 def _check_wall(name: str, wall: Wall) -> None:
-    if not isinstance(wall, Wall):
-        raise SceneError(f"{name} is a {type(wall).__name__}; use skmpm.Wall(point, normal)")
     vector(f"{name}: point", wall.point)
     if not vector(f"{name}: normal", wall.normal).any():
         raise SceneError(f"{name}: normal = {wall.normal!r} has length 0; give the direction towards the bodies")

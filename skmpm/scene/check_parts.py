@@ -1,8 +1,8 @@
-"""Checks of the parts of a scene: functions, materials, supports, loads and springs."""
+"""Checks of the parts of a scene: their classes and functions, materials, supports, loads and springs."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from inspect import signature
 
 import numpy as np
@@ -17,8 +17,6 @@ from skmpm.scene.periodic import Periodic
 from skmpm.scene.point_sets import TURNING, PointSet, prescribed_components, stiffness_of, support_angle
 from skmpm.scene.values import SceneError, vector
 
-Given = Iterator[tuple[str, object, str]]
-
 TIME, POSITIONS, FIELD = "t", "x", "X, t"
 REMEDY = {
     TIME: "give a function of the time t [s]",
@@ -28,43 +26,6 @@ REMEDY = {
 SHORTEST = 1e-6  # [cells] bar at t = 0, which needs a direction
 
 
-def check_functions(scene: Layout) -> None:
-    """Raise SceneError for the first function that cannot be called with its arguments; none is called."""
-    for name, function, arguments in _given(scene):
-        if not callable(function):
-            continue
-        try:
-            accepted = signature(function)
-        except ValueError:  # callables that are not written in Python have no signature
-            continue
-        try:
-            accepted.bind(*arguments.split(", "))
-        except TypeError:
-            remedy = REMEDY[arguments]
-            if name.startswith("support") and arguments == TIME:
-                remedy = f"{remedy}; {TURNING}"
-            message = f"{name} takes the arguments {accepted} and is called with ({arguments}); {remedy}"
-            raise SceneError(message) from None
-
-
-def _given(scene: Layout) -> Given:
-    """Name, function or value, and arguments."""
-    yield "gravity", scene.gravity, FIELD
-    for kind, objects in (
-        ("body", scene.bodies),
-        ("wall", scene.walls),
-        ("support", scene.supports),
-        ("load", scene.loads),
-        ("spring", scene.springs),
-    ):
-        for i, each in enumerate(objects):
-            for what, argument in FUNCTIONS.get(type(each), {}).items():
-                yield f"{kind} {i}: {what}", getattr(each, what), argument
-    if isinstance(scene.periodic, Periodic):
-        yield "periodic: rate", scene.periodic.rate, TIME
-        yield "periodic: stress", scene.periodic.stress, TIME
-
-
 FUNCTIONS: dict[type, dict[str, str]] = {
     Body: {"velocity": POSITIONS, "motion": TIME},
     Wall: {"velocity": TIME, "force": TIME, "pressure": TIME},
@@ -72,7 +33,48 @@ FUNCTIONS: dict[type, dict[str, str]] = {
     Load: {"where": POSITIONS, "force": TIME},
     Pressure: {"where": POSITIONS, "value": TIME},
     Spring: {"where": POSITIONS, "to": POSITIONS, "rest": TIME},
+    Periodic: {"rate": TIME, "stress": TIME},
 }
+KINDS = (
+    ("body", "skmpm.Body(points, material)", Body),
+    ("wall", "skmpm.Wall(point, normal)", Wall),
+    ("support", "skmpm.Support(where, velocity=...)", Support),
+    ("load", "skmpm.Load(where, force) or skmpm.Pressure(where, value)", Load | Pressure),
+    ("spring", "skmpm.Spring(where, stiffness)", Spring),
+    ("periodic", "skmpm.Periodic(width, height), or None without a box", Periodic),
+)
+
+
+def check_kinds(scene: Layout) -> None:
+    """Raise SceneError for the first part of another class, or function that does not take its arguments."""
+    _check_function("gravity", scene.gravity, FIELD)
+    boxes = () if scene.periodic is None else (scene.periodic,)
+    parts = (scene.bodies, scene.walls, scene.supports, scene.loads, scene.springs, boxes)
+    for (kind, remedy, classes), objects in zip(KINDS, parts, strict=True):
+        for i, part in enumerate(objects):
+            name = kind if part is scene.periodic else f"{kind} {i}"
+            if not isinstance(part, classes):
+                raise SceneError(f"{name} is a {type(part).__name__}; use {remedy}")
+            for what, arguments in next(own for of, own in FUNCTIONS.items() if isinstance(part, of)).items():
+                _check_function(f"{name}: {what}", getattr(part, what), arguments)
+
+
+def _check_function(name: str, function: object, arguments: str) -> None:
+    """Raise SceneError for a function that cannot be called with its arguments; it is not called."""
+    if not callable(function):
+        return
+    try:
+        accepted = signature(function)
+    except ValueError:  # callables that are not written in Python have no signature
+        return
+    try:
+        accepted.bind(*arguments.split(", "))
+    except TypeError:
+        remedy = REMEDY[arguments]
+        if name.startswith("support") and arguments == TIME:
+            remedy = f"{remedy}; {TURNING}"
+        message = f"{name} takes the arguments {accepted} and is called with ({arguments}); {remedy}"
+        raise SceneError(message) from None
 
 
 def check_groups(name: str, points: Points, materials: Mapping[str, object]) -> None:
@@ -109,27 +111,24 @@ def _listed(names: Mapping[str, object] | list[str]) -> str:
 def check_supports(scene: Model) -> None:
     """Raise SceneError for the first error in the supports."""
     for i, support in enumerate(scene.supports):
-        if not isinstance(support, Support):
-            raise SceneError(f"support {i} is a {type(support).__name__}; use skmpm.Support(where, velocity=...)")
         _check_displacement(f"support {i}", support)
         _check_rotation(f"support {i}", support, i)
-    holder = np.full((2, scene.offsets[-1]), -1)
-    for i, (prescribed, supported) in enumerate(zip(scene.support_velocities(0.0), scene.supported, strict=True)):
+    for i, (free, supported) in enumerate(zip(scene.free_components, scene.supported, strict=True)):
         hint = "; `motion` holds rigid ones"
         _check_not_empty(f"support {i}: where", scene, supported, scene.deformable, "deformable body", hint)
-        if np.isnan(prescribed).all():
+        if free.all():
             what = "velocity" if scene.supports[i].displacement is None else "displacement"
             raise SceneError(
                 f"support {i}: {what} = (None, None) prescribes nothing; give a component or leave it out"
             )
-        for axis in np.flatnonzero(~np.isnan(prescribed)):
-            taken = supported.points[holder[axis, supported.points] >= 0]
-            if taken.size:
+        for axis in np.flatnonzero(~free):
+            last = scene.supporting[axis, supported.points]
+            if (last != i).any():
+                other, point = last[last != i][0], supported.points[last != i][0]
                 raise SceneError(
-                    f"supports {holder[axis, taken[0]]} and {i} both hold the {'xy'[axis]} component of the point at"
-                    f" {scene.initial_positions[:, taken[0]]}; let `where` of one leave it out"
+                    f"supports {i} and {other} both hold the {'xy'[axis]} component of the point at"
+                    f" {scene.initial_positions[:, point]}; let `where` of one leave it out"
                 )
-            holder[axis, supported.points] = i
 
 
 def _check_rotation(name: str, support: Support, i: int) -> None:
@@ -170,11 +169,7 @@ def _check_not_empty(name: str, scene: Model, chosen: PointSet, bodies: Bools, w
 
 def check_loads(scene: Model) -> None:
     """Raise SceneError for the first error in the loads."""
-    given: Sequence[object] = scene.loads
-    for i, load in enumerate(given):
-        if not isinstance(load, Load | Pressure):
-            what = "skmpm.Load(where, force) or skmpm.Pressure(where, value)"
-            raise SceneError(f"load {i} is a {type(load).__name__}; use {what}")
+    for i, load in enumerate(scene.loads):
         if isinstance(load, Pressure) and load.penetrates not in (False, True):
             raise SceneError(f"load {i}: penetrates = {load.penetrates!r}; use True or False")
     scene.forces(0.0)
@@ -201,8 +196,6 @@ def check_loads(scene: Model) -> None:
 def check_springs(scene: Model) -> None:
     """Raise SceneError for the first error in the springs."""
     for i, spring in enumerate(scene.springs):
-        if not isinstance(spring, Spring):
-            raise SceneError(f"spring {i} is a {type(spring).__name__}; use skmpm.Spring(where, stiffness)")
         stiffness_of(i, spring)
     for i, ends in enumerate(scene.sprung):
         for name, points in (("where", ends.first), ("to", ends.second)):
