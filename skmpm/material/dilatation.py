@@ -190,19 +190,8 @@ def _resistance(law: Anchored) -> float:
 
 
 def _bar(law: Anchored, F: Array, theta: Array) -> tuple[Array, Array]:
-    """F-bar (2, 2, n), and (theta / J)^(1/2), one where the material is linear, (n,)."""
+    """F-bar (2, 2, n), and (theta / J)^(1/2), J per undeformed volume, one where the material is linear, (n,)."""
     if law.linear:
         return F + 0.5 * (theta - (F[0, 0] + F[1, 1] - 2.0)) * np.eye(2)[:, :, None], np.ones_like(theta)
-    kind = np.result_type(F, theta)
-    F_bar, s = np.empty_like(F, dtype=kind), np.empty_like(theta, dtype=kind)
-    _scaled(F.reshape(4, -1), theta, law.rest(theta.size), F_bar.reshape(4, -1), s)
-    return F_bar, s
-
-
-@compiled_in_order
-def _scaled(F: Array, theta: Array, rest: Array, F_bar: Array, s: Array) -> None:
-    """Write s = (theta / J)^(1/2), J per undeformed volume, and F-bar = s F, (4, n)."""
-    for p in range(theta.size):
-        s[p] = np.sqrt(theta[p] * rest[p] / (F[0, p] * F[3, p] - F[1, p] * F[2, p]))
-        for i in range(4):
-            F_bar[i, p] = s[p] * F[i, p]
+    s = np.sqrt(theta * law.rest(theta.size) / determinant(F))
+    return s * F, s
