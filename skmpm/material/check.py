@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from skmpm.arrays import Array
-from skmpm.material.law import Material, is_linear, poisson_ratio, product, youngs_modulus
+from skmpm.material.law import FUNCTIONS, Material, is_linear, poisson_ratio, product, youngs_modulus
 from skmpm.material.memory import InStep, MaterialWithMemory, has_memory, in_step, virgin
 from skmpm.material.requirements import lacking
 
@@ -117,12 +118,9 @@ def check_material(material: Material | MaterialWithMemory) -> str:
     if remembering:
         state, deformed = histories(given, F, np.random.default_rng(3))
         subject = in_step(given, state)
-    for what, of, by in (
-        ("stress", "energy", subject.energy),
-        ("tangent", "stress", subject.stress),
-    ):
+    for of, what in pairwise(FUNCTIONS):
         found = getattr(subject, what)(deformed)
-        slope, how, tolerance = _derivative(by, deformed, found)
+        slope, how, tolerance = _derivative(getattr(subject, of), deformed, found)
         off = _compared(name, f"{what} and the derivative of the {of}", found, slope, deformed, tolerance)
         lines.append(f"{what} is the derivative of the {of}: to {off:.1e} ({how})")
     C = subject.tangent(deformed)
@@ -203,16 +201,8 @@ def _at(F: Array, worst: int) -> str:
 def _constant(name: str, material: Material, F: Array) -> str:
     """Whether the stress of a `linear` law is linear: its tangent is that at F = I."""
     rest = np.broadcast_to(material.tangent(np.eye(2)[:, :, None]), (2, 2, 2, 2, F.shape[-1]))
-    remedy = "the stress is not linear in F; leave `linear` out"
-    _compared(
-        name,
-        "tangent and that at F = I of a law that says linear = True",
-        material.tangent(F),
-        rest,
-        F,
-        EXACT,
-        remedy,
-    )
+    what, remedy = "tangent and that at F = I of a law that says linear = True", "the stress is not linear in F"
+    _compared(name, what, material.tangent(F), rest, F, EXACT, f"{remedy}; leave `linear` out")
     return "objectivity: exempt, a law of small strain, linear as it says"
 
 

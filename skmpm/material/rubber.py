@@ -210,12 +210,8 @@ class Ogden(Hyperelastic):
         return np.asarray(by_A), np.asarray(by_J)
 
     def _curvatures(self, A: Array, J: Array) -> tuple[Array, Array, Array]:
-        z, curved_aa, curved_aj, curved_jj = (
-            A / (2.0 * J),
-            np.zeros_like(J),
-            np.zeros_like(J),
-            self.bulk * volumetric(J)[2],
-        )
+        z, curved_jj = A / (2.0 * J), self.bulk * volumetric(J)[2]
+        curved_aa = curved_aj = np.zeros_like(J)
         for m, a in self._terms:
             t0, t1, t2 = half_angles(a / 2, z)
             b, scale = a / 6, m / a * J ** (a / 6 - 2)

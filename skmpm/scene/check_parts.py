@@ -176,14 +176,8 @@ def check_loads(scene: Model) -> None:
     scene.pressure_values(0.0)
     dead = [i for i, load in enumerate(scene.loads) if isinstance(load, Load)]
     for i, loaded in zip(dead, scene.loaded, strict=True):
-        _check_not_empty(
-            f"load {i}: where",
-            scene,
-            loaded,
-            scene.movable,
-            "body that forces move",
-            "; a body whose motion is prescribed bears no load: leave the load out",
-        )
+        hint = "; a body whose motion is prescribed bears no load: leave the load out"
+        _check_not_empty(f"load {i}: where", scene, loaded, scene.movable, "body that forces move", hint)
     following = [i for i, load in enumerate(scene.loads) if isinstance(load, Pressure)]
     for i, segments in zip(following, scene.pressed, strict=True):
         if segments.size == 0:

@@ -15,7 +15,8 @@ from skmpm.points import Points
 from skmpm.scene.values import components
 
 Motion = Callable[[float], ArrayLike]  # time [s] -> (2,)
-Components = Sequence[float | None]  # of a support's velocity; None is free
+Components = Sequence[float | None] | ArrayLike  # of a motion; None is free
+Prescribed = Components | Callable[[float], Components]
 Part = tuple[Material, Ints | slice]  # a material and its points
 Where = Callable[[Array], ArrayLike]  # positions (2, n) [m] at t = 0 -> (n,) bool
 Rest = float | ArrayLike | Callable[[float], ArrayLike] | None  # of a spring
@@ -62,9 +63,7 @@ class Body:
     material: Material | MaterialWithMemory | Rigid | Mapping[str, Material | MaterialWithMemory]
     velocity: ArrayLike | Callable[..., ArrayLike] = field(default=(0.0, 0.0), kw_only=True)
     spin: float = field(default=0.0, kw_only=True)
-    motion: Components | ArrayLike | Callable[[float], Components | ArrayLike] | None = field(
-        default=None, kw_only=True
-    )
+    motion: Prescribed | None = field(default=None, kw_only=True)
     friction: float | None = field(default=None, kw_only=True)
     name: str | None = field(default=None, kw_only=True)
 
@@ -181,15 +180,13 @@ class Support:
     """
 
     where: Where
-    velocity: Components | ArrayLike | Callable[[float], Components | ArrayLike] = field(
-        default=(0.0, 0.0), kw_only=True
-    )
-    displacement: Callable[[float], Components | ArrayLike] | None = field(default=None, kw_only=True)
+    velocity: Prescribed = field(default=(0.0, 0.0), kw_only=True)
+    displacement: Callable[[float], Components] | None = field(default=None, kw_only=True)
     rotation: Callable[[float], float] | None = field(default=None, kw_only=True)
     centre: ArrayLike | None = field(default=None, kw_only=True)
 
     @property
-    def prescribed(self) -> Components | ArrayLike | Callable[[float], Components | ArrayLike]:
+    def prescribed(self) -> Prescribed:
         """What prescribes the motion: the displacement, else the velocity."""
         return self.velocity if self.displacement is None else self.displacement
 

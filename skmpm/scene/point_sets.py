@@ -110,8 +110,7 @@ def support_rotations(scene: Layout, t: float, dt: float | None = None) -> Array
 
 def support_angle(support: Support, t: float, i: int) -> float:
     """The angle of support i at time t [rad]; SceneError if it is no finite number."""
-    assert support.rotation is not None
-    return scalar(support.rotation(t), t, f"support {i}: rotation at t = {t:.6g} s")
+    return scalar(support.rotation, t, f"support {i}: rotation")
 
 
 def support_arms(scene: Layout, i: int, points: Ints) -> Array:

@@ -57,8 +57,7 @@ def fitted_motions(x: Array, v: Array, mass: Array, owner: Ints) -> Array:
 
     They have the momentum and angular momentum of the points. Of displacements they are displacements and angles.
     """
-    arm, total = x - centres(x, mass, owner)[:, owner], np.bincount(owner, mass)
-    mean = [np.bincount(owner, mass * component) / total for component in v]
+    arm, mean = x - centres(x, mass, owner)[:, owner], centres(v, mass, owner)
     moment = np.bincount(owner, mass * (arm[0] * v[1] - arm[1] * v[0]))
     return np.stack([*mean, moment / np.bincount(owner, mass * (arm**2).sum(axis=0))])
 

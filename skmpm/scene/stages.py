@@ -77,9 +77,8 @@ def continued(scene: Scene, state: State, new_scene: Scene) -> State:
     walls[kept] = state.walls[former[kept]]
     force, velocity = np.zeros_like(walls), new_scene.wall_velocities(state.t)
     force[kept] = state.wall_force[former[kept]]
-    going = kept & np.isin(np.arange(kept.size), new_scene.driven_walls)
     going_on = velocity.copy()
-    going_on[going] = state.wall_velocity[former[going]]
+    going_on[kept] = state.wall_velocity[former[kept]]
     velocity = with_normal_speeds(new_scene, velocity, normal_speeds(new_scene, going_on))
     new = {i: walls[i] for i in np.flatnonzero(~kept).tolist()}
     check_walls(new_scene, state.x, new, f"at t = {state.t:.6g} s; move the new wall")
