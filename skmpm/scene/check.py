@@ -162,20 +162,16 @@ def _check_wall(name: str, wall: Wall) -> None:
     if not vector(f"{name}: normal", wall.normal).any():
         raise SceneError(f"{name}: normal = {wall.normal!r} has length 0; give the direction towards the bodies")
     motion(wall.velocity, 0.0, f"{name}: velocity")
-    if wall.driven:
-        _check_driven(name, wall)
-    elif wall.mass is not None:
-        raise SceneError(f"{name}: mass = {wall.mass} without force or pressure; give one, or no mass")
-    not_negative(f"{name}: cohesion", wall.cohesion, "a stress in Pa")
-
-
-def _check_driven(name: str, wall: Wall) -> None:
-    """Raise SceneError unless a force or a pressure, and nothing else, drives a wall."""
-    if wall.force is not None and wall.pressure is not None:
+    driving = [given for given in (wall.force, wall.pressure) if given is not None]
+    if len(driving) > 1:
         raise SceneError(f"{name}: force = {wall.force} and pressure = {wall.pressure}; give one of them")
+    if wall.mass is not None and not driving:
+        raise SceneError(f"{name}: mass = {wall.mass} without force or pressure; give one, or no mass")
     if wall.mass is not None:
         positive(f"{name}: mass", wall.mass, "a mass per metre of thickness in kg/m, or None")
-    scalar(wall.force if wall.pressure is None else wall.pressure, 0.0, f"{name}: driving force or pressure")
+    for given in driving:
+        scalar(given, 0.0, f"{name}: driving force or pressure")
+    not_negative(f"{name}: cohesion", wall.cohesion, "a stress in Pa")
 
 
 def check_walls_at_start(scene: Model) -> None:

@@ -189,9 +189,8 @@ def check_loads(scene: Model) -> None:
 
 def check_springs(scene: Model) -> None:
     """Raise SceneError for the first error in the springs."""
-    for i, spring in enumerate(scene.springs):
+    for i, (spring, ends) in enumerate(zip(scene.springs, scene.sprung, strict=True)):
         stiffness_of(i, spring)
-    for i, ends in enumerate(scene.sprung):
         for name, points in (("where", ends.first), ("to", ends.second)):
             if points is not None and points.points.size == 0:
                 raise SceneError(

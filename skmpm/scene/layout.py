@@ -130,9 +130,9 @@ class Layout:
         return max(len(initial_state(material)) for material in self.materials)
 
     @cached_property
-    def materials_by_group(self) -> tuple[tuple[tuple[Material, ...], str], ...]:
-        """The materials of each body, with the groups of its points if there are several."""
-        return tuple((body.materials, _groups_of(body)) for body in self.bodies)
+    def materials_by_group(self) -> tuple[tuple[Material, ...], bytes]:
+        """The materials, and which of them each point has: equal for points of equal materials."""
+        return self.materials, self.material_index.tobytes()
 
     @cached_property
     def composite(self) -> Bools:
@@ -280,8 +280,3 @@ def material_at(scene: Layout, point: int) -> Material | Rigid:
     """The material of a point."""
     whole = scene.bodies[scene.owner[point]].material
     return whole if isinstance(whole, Rigid) else scene.materials[scene.material_index[point]]
-
-
-def _groups_of(body: Body) -> str:
-    """The groups of the points of a body of several materials, as text; nothing of others."""
-    return "" if len(body.materials) < 2 or body.points.group is None else "\n".join(body.points.group.tolist())

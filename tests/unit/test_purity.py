@@ -54,7 +54,7 @@ def digest(value):
                 add(item, f"{name}.{i}")
         elif isinstance(value, np.ndarray):
             found.update(f"{value.dtype.str} {value.shape} {value.strides}".encode() + value.tobytes())
-        elif value is None or isinstance(value, bool | int | float | str | np.generic):
+        elif value is None or isinstance(value, bool | int | float | str | bytes | np.generic):
             found.update(repr(value).encode())
         else:
             assert callable(value) or isinstance(value, OPAQUE), f"no digest of {name}, a {type(value)}"
