@@ -12,7 +12,7 @@ from skmpm.arrays import Array, Bools, Ints
 from skmpm.material import has_memory
 from skmpm.scene.check import check_walls
 from skmpm.scene.fits import STAYS_RIGID, check_fits
-from skmpm.scene.objects import Body, Wall
+from skmpm.scene.objects import Body
 from skmpm.scene.point_sets import support_arms, support_rotations
 from skmpm.scene.prescribed import centres, normal_speeds, with_normal_speeds
 from skmpm.scene.renumbered import of_bodies, renumbered
@@ -260,8 +260,9 @@ def _memories(scene: Scene) -> NDArray[np.object_]:
 
 
 def _former_walls(scene: Scene, new_scene: Scene) -> Ints:
-    """For each wall of the new scene its index in the old one, -1 for a new wall, (walls,)."""
-    former = np.array([_index(scene, wall) for wall in new_scene.walls], dtype=np.int64)
+    """For each wall of the new scene its index in the old one, by point and normal, -1 for a new wall, (walls,)."""
+    old, new = ([np.append(w.point, w.normal).tolist() for w in each.walls] for each in (scene, new_scene))
+    former = np.array([old.index(wall) if wall in old else -1 for wall in new], dtype=np.int64)
     known, count = np.unique(former[former >= 0], return_counts=True)
     if (count > 1).any():
         i = int(known[np.argmax(count)])
@@ -271,11 +272,3 @@ def _former_walls(scene: Scene, new_scene: Scene) -> Ints:
             " give each wall once"
         )
     return former
-
-
-def _index(scene: Scene, wall: Wall) -> int:
-    """The index of a wall among those of a scene, by its point and normal; -1 if it is none of them."""
-    for i, old in enumerate(scene.walls):
-        if np.array_equal(old.point, wall.point) and np.array_equal(old.normal, wall.normal):
-            return i
-    return -1
