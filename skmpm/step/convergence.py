@@ -44,32 +44,33 @@ class Persistence:
         return iteration >= self.most + converged or iteration - self.progress >= self.patience
 
 
-def with_contact(increment: Increment, contact: ContactIterate, size: float) -> tuple[Array, float, float]:
-    """Contact impulse (n,), residual of the contact law, and the norm of the largest term with contact."""
-    impulse, round_off = contact.impulse, contact.impulse_round_off / increment.scheme.newton_tol
-    return impulse, contact.residual, max(size, float(np.linalg.norm(impulse)), round_off)
+@dataclass(frozen=True)
+class Balance:
+    """The residuals of the momentum balance and of the contact law at an iterate, with its contact impulses."""
 
+    gradient: Array  # out-of-balance impulse without contact (n,) [kg m/s per m]
+    contact_impulse: Array  # (n,)
+    contact: float  # residual of the contact law
+    norm: float  # out-of-balance norm over the largest term
+    distance: float  # from convergence: the larger of both residuals over their tolerances
 
-def unmet_criteria(
-    increment: Increment,
-    contact: ContactIterate | None,
-    out_of_balance: Array,
-    imbalance: float,
-    residual: float,
-    drift: Array,
-) -> list[tuple[str, str]]:
-    """The convergence criteria that are not met, where and by how much; `out_of_balance` (n,)."""
-    scheme, unmet = increment.scheme, list[tuple[str, str]]()
-    if not imbalance <= scheme.newton_tol:
-        size = f"out-of-balance force {imbalance:.2g} (tolerance {scheme.newton_tol:g})"
-        unmet.append((_largest(increment, contact, out_of_balance), size))
-    if contact is not None and not residual <= scheme.gap_tol:
-        unmet.append((contact.worst_pair(), f"contact residual {residual:.2g} (tolerance {scheme.gap_tol:g})"))
-    if not drift.max() <= MAX_DRIFT:
-        b = int(np.argmax(drift))
-        size = f"out-of-balance momentum that moves it by {drift[b]:.2g} cells (tolerance {MAX_DRIFT:g})"
-        unmet.append((f"body {b}", size))
-    return unmet
+    @staticmethod
+    def at(increment: Increment, w: Array, configuration: Configuration, contact: ContactIterate | None) -> Balance:
+        """The residuals at a velocity w (n,) with its configuration and contact problem."""
+        scheme = increment.scheme
+        gradient, size = increment.gradient(w, configuration)
+        impulse, residual = np.zeros_like(gradient), 0.0
+        if contact is not None:
+            impulse, residual = contact.impulse, contact.residual
+            size = max(size, float(np.linalg.norm(impulse)), contact.impulse_round_off / scheme.newton_tol)
+        norm = float(np.linalg.norm(increment.on_free_dofs(gradient - impulse)))
+        norm = norm / size if size > 0.0 else 0.0
+        return Balance(gradient, impulse, residual, norm, max(norm / scheme.newton_tol, residual / scheme.gap_tol))
+
+    @property
+    def out_of_balance(self) -> Array:
+        """The out-of-balance impulse, (n,) [kg m/s per m]."""
+        return self.gradient - self.contact_impulse
 
 
 def _largest(increment: Increment, contact: ContactIterate | None, out_of_balance: Array) -> str:
@@ -84,12 +85,22 @@ def _largest(increment: Increment, contact: ContactIterate | None, out_of_balanc
     return increment.scalars.names[k] + ("" if pressed else ", on which no contact presses")
 
 
-def not_converged(increment: Increment, limit: int, unmet: list[tuple[str, str]]) -> StepRejected:
-    """The error after `limit` iterations: too few points, or else the criteria that are not met."""
-    try:
-        check_stiffness(increment)
-    except np.linalg.LinAlgError as error:
-        return too_few_points(increment.grid, error)
+def not_converged(
+    increment: Increment, contact: ContactIterate | None, balance: Balance, limit: int, drift: Array
+) -> StepRejected:
+    """The error after `limit` iterations: too few points, or else the criteria that are not met, and by how much."""
+    if few := _too_few_points(increment):
+        return few
+    scheme, unmet = increment.scheme, list[tuple[str, str]]()
+    if not balance.norm <= scheme.newton_tol:
+        size = f"out-of-balance force {balance.norm:.2g} (tolerance {scheme.newton_tol:g})"
+        unmet.append((_largest(increment, contact, balance.out_of_balance), size))
+    if contact is not None and not balance.contact <= scheme.gap_tol:
+        unmet.append((contact.worst_pair(), f"contact residual {balance.contact:.2g} (tolerance {scheme.gap_tol:g})"))
+    if not drift.max() <= MAX_DRIFT:
+        b = int(np.argmax(drift))
+        size = f"out-of-balance momentum that moves it by {drift[b]:.2g} cells (tolerance {MAX_DRIFT:g})"
+        unmet.append((f"body {b}", size))
     (where, criteria), *others = unmet
     criteria = ", ".join([criteria, *(f"{problem} at {place}" for place, problem in others)])
     return StepRejected(where, f"no convergence in {limit} Newton iterations: {criteria}")
@@ -98,10 +109,8 @@ def not_converged(increment: Increment, limit: int, unmet: list[tuple[str, str]]
 def not_definite(increment: Increment, configuration: Configuration, error: np.linalg.LinAlgError) -> StepRejected:
     """The error of a matrix that nothing makes definite: too few points, or else the largest stretches."""
     grid = increment.grid
-    try:
-        check_stiffness(increment)
-    except np.linalg.LinAlgError as unstressed:
-        return too_few_points(grid, unstressed)
+    if few := _too_few_points(increment):
+        return few
     if not isinstance(error, NotPositiveDefinite):
         return StepRejected("all bodies", str(error))
     stretches = np.linalg.svd(configuration.F.transpose(2, 0, 1), compute_uv=False)
@@ -113,3 +122,12 @@ def not_definite(increment: Increment, configuration: Configuration, error: np.l
         f"its matrix is not positive definite as it is deformed, with stretches of {least:.3g} and {most:.3g} here",
         "use a law that does not soften at these strains, smaller loads, or a smaller dt",
     )
+
+
+def _too_few_points(increment: Increment) -> StepRejected | None:
+    """The error of a matrix that is indefinite even free of stress; None if it is definite."""
+    try:
+        check_stiffness(increment)
+    except np.linalg.LinAlgError as error:
+        return too_few_points(increment.grid, error)
+    return None

@@ -142,11 +142,10 @@ def _configuration_at_end(increment: Increment, solution: Solution) -> Configura
 
     Viscous forces depend on its round-off, which a state that was loaded from a file does not know.
     """
-    moved, known = increment.dt * solution.w, solution.configuration
+    moved = increment.dt * solution.w
     displacement, scalars = increment.displacement_at_start + increment.on_nodes(moved), increment.of_scalars(moved)
-    usable = increment.scheme.theta == 1.0 and increment.bulk.viscosity == 0.0
-    if usable and known is not None and known.bulk is increment.bulk:
-        return known.translated(displacement, scalars)
+    if increment.scheme.theta == 1.0 and increment.bulk.viscosity == 0.0:
+        return solution.configuration.translated(displacement, scalars)
     return increment.bulk.at(displacement, scalars)
 
 

@@ -14,32 +14,13 @@ from skmpm.step.terms import Configuration
 SUFFICIENT_DECREASE = 1e-4  # Armijo's constant (Nocedal & Wright, Numerical Optimization, section 3.1)
 
 
-def move(
-    increment: Increment,
-    w: Array,
-    configuration: Configuration,
-    direction: Array,
-    gradient: Array,
-    contact_impulse: Array,
-) -> tuple[Array, Configuration]:
-    """The next w with its configuration, by a line search.
-
-    The search is along the Newton direction, with exact rotations of bodies (`rotation`). Linear materials take the
-    step without it, since no configuration is inadmissible. `gradient` (n,) is the out-of-balance impulse with
-    contact.
-    """
-    if increment.bulk.linear:
-        return w + direction, increment.at(w + direction)
-    return _search(increment, w, configuration, direction, gradient, contact_impulse)
-
-
 def _round_off(increment: Increment, w: Array, configuration: Configuration, direction: Array, size: float) -> float:
     """Round-off of the potential, whose terms have this size [J/m]."""
     materials = 20.0 * float(np.finfo(float).eps) * increment.modulus * float(increment.bulk.assembly.volume.sum())
     return 1e-13 * size + materials + increment.round_off(w, configuration) * float(np.linalg.norm(direction))
 
 
-def _search(
+def search(
     increment: Increment,
     w: Array,
     configuration: Configuration,
@@ -47,9 +28,11 @@ def _search(
     gradient: Array,
     contact_impulse: Array,
 ) -> tuple[Array, Configuration]:
-    """Armijo backtracking on the potential minus the work of the contact impulse.
+    """The next w with its configuration: Armijo backtracking on the potential minus the work of the contact impulse.
 
-    Contact at shared grid nodes is linear in the velocity: there the search is along a straight line.
+    The search is along the Newton direction, with exact rotations of bodies (`rotation`), and `gradient` (n,) is the
+    out-of-balance impulse with contact. Contact at shared grid nodes is linear in the velocity: there the search is
+    along a straight line.
     """
     at_nodes = bool(contact_impulse.any()) and acts_at_grid_nodes(increment.scheme.contact)
     decrease, terms = float(gradient @ direction), [term.frozen(configuration) for term in increment.terms]

@@ -17,11 +17,11 @@ from skmpm.material import determinant
 from skmpm.scene.report import Timer
 from skmpm.step.contact_problem import ContactIterate, ContactProblem
 from skmpm.step.contact_solve import solve
-from skmpm.step.convergence import Persistence, not_converged, unmet_criteria, with_contact
+from skmpm.step.convergence import Balance, Persistence, not_converged
 from skmpm.step.equations import Increment
 from skmpm.step.errors import StepRejected, at_node
 from skmpm.step.factor import Factor, Refactorisation, factorise
-from skmpm.step.line_search import move
+from skmpm.step.line_search import search
 from skmpm.step.matrix import solver_of
 from skmpm.step.rotation import drift, missing_spin, with_balanced_momentum
 from skmpm.step.terms import Configuration
@@ -39,10 +39,8 @@ class Solution:
     imbalance: float  # relative out-of-balance norm
     reaction: Array  # (2 supports,) impulses on the supports [kg m/s per m]
     factor: Factor | None  # of the last iteration
-    spin: Array | float = 0.0  # (2 nodes,) velocity that w lacks for the balance of angular momentum [m/s]
-    configuration: Configuration | None = (
-        None  # of w but for translations of bodies, in which stresses were evaluated
-    )
+    spin: Array | float  # (2 nodes,) velocity that w lacks for the balance of angular momentum [m/s]
+    configuration: Configuration  # of w but for translations of bodies, in which stresses were evaluated
     solves: int = 1  # of a static step
 
     @property
@@ -57,14 +55,18 @@ def advance(increment: Increment, problem: ContactProblem | None, kept: Factor |
     StepRejected is raised after `max_newton` iterations, with contacts after some without progress (`Persistence`),
     and if the contact solver or the line search fails.
     """
-    iterate = _first(increment, problem, kept)
+    w, configuration = admissible_guess(increment)
+    contact = None if problem is None else problem.at(w)
+    iterate = _Iterate(increment, w, configuration, contact, kept, np.zeros_like(w))
     persistence = Persistence.for_equations(increment, in_contact=problem is not None)
     while True:
-        balance = _balance(iterate)
-        if balance.converged and (solution := _solution(iterate, balance)):
+        balance = Balance.at(increment, iterate.w, iterate.configuration, iterate.contact)
+        converged = balance.distance <= 1.0 and iterate.iteration > 0  # the initial guess is no solution
+        if converged and (solution := _solution(iterate, balance)):
             return solution
-        if persistence.ends(balance.iteration, balance.distance):
-            raise _not_converged(iterate, balance)
+        if persistence.ends(iterate.iteration, balance.distance):
+            moved = drift(increment, iterate.w, balance.contact_impulse, iterate.last_impulse)
+            raise not_converged(increment, iterate.contact, balance, iterate.iteration, moved)
         _factorise(iterate, balance, timer)
         direction = _direction(iterate, balance)
         _move(iterate, balance, direction, timer)
@@ -83,13 +85,6 @@ class _Iterate:
     refactorisation: Refactorisation = field(default_factory=Refactorisation)
     iteration: int = 0
     before: float = np.inf  # out-of-balance norm of the iteration before
-
-
-def _first(increment: Increment, problem: ContactProblem | None, kept: Factor | None) -> _Iterate:
-    """The iterate at the initial guess."""
-    w, configuration = admissible_guess(increment)
-    contact = None if problem is None else problem.at(w)
-    return _Iterate(increment, w, configuration, contact, kept, np.zeros_like(w))
 
 
 def admissible_guess(increment: Increment) -> tuple[Array, Configuration]:
@@ -124,47 +119,7 @@ def admissible_guess(increment: Increment) -> tuple[Array, Configuration]:
     raise StepRejected(where, "the supports move so far in one step that points are inverted (det F <= 0)")
 
 
-@dataclass(frozen=True)
-class _Balance:
-    """The residuals at an iterate."""
-
-    iteration: int
-    gradient: Array  # out-of-balance impulse without contact (n,) [kg m/s per m]
-    contact_impulse: Array  # (n,)
-    contact: float  # residual of the contact law
-    norm: float  # out-of-balance norm over the largest term
-    distance: float  # from convergence: the larger of both residuals over their tolerances
-
-    @property
-    def out_of_balance(self) -> Array:
-        """The out-of-balance impulse, (n,) [kg m/s per m]."""
-        return self.gradient - self.contact_impulse
-
-    @property
-    def small(self) -> bool:
-        """Whether both residuals are within their tolerances."""
-        return self.distance <= 1.0
-
-    @property
-    def converged(self) -> bool:
-        """Whether the iterate is a solution; the initial guess is none."""
-        return self.small and self.iteration > 0
-
-
-def _balance(iterate: _Iterate) -> _Balance:
-    """The residuals of the momentum balance and of the contact law, with the known contact impulses."""
-    increment, contact, scheme = iterate.increment, iterate.contact, iterate.increment.scheme
-    gradient, size = increment.gradient(iterate.w, iterate.configuration)
-    contact_impulse, residual = np.zeros_like(gradient), 0.0
-    if contact:
-        contact_impulse, residual, size = with_contact(increment, contact, size)
-    norm = float(np.linalg.norm(increment.on_free_dofs(gradient - contact_impulse)))
-    norm = norm / size if size > 0.0 else 0.0
-    distance = max(norm / scheme.newton_tol, residual / scheme.gap_tol)
-    return _Balance(iterate.iteration, gradient, contact_impulse, residual, norm, distance)
-
-
-def _factorise(iterate: _Iterate, balance: _Balance, timer: Timer) -> None:
+def _factorise(iterate: _Iterate, balance: Balance, timer: Timer) -> None:
     """Factorise the matrix where that pays."""
     increment, iteration = iterate.increment, iterate.iteration
     touching = iterate.contact is not None and iterate.contact.constraints.size > 0
@@ -179,7 +134,7 @@ def _factorise(iterate: _Iterate, balance: _Balance, timer: Timer) -> None:
     timer.lap("factorisation")
 
 
-def _direction(iterate: _Iterate, balance: _Balance) -> Array:
+def _direction(iterate: _Iterate, balance: Balance) -> Array:
     """The Newton direction, (n,) [m/s], with new contact impulses."""
     assert iterate.factor is not None
     solver = iterate.factor.at(iterate.increment, iterate.configuration)
@@ -191,18 +146,21 @@ def _direction(iterate: _Iterate, balance: _Balance) -> Array:
     return found.direction
 
 
-def _move(iterate: _Iterate, balance: _Balance, direction: Array, timer: Timer) -> None:
-    """Move along the direction as far as the potential decreases."""
-    iterate.before, out_of_balance = balance.norm, balance.gradient - iterate.last_impulse
-    iterate.w, iterate.configuration = move(
-        iterate.increment, iterate.w, iterate.configuration, direction, out_of_balance, iterate.last_impulse
-    )
+def _move(iterate: _Iterate, balance: Balance, direction: Array, timer: Timer) -> None:
+    """Move along the direction as far as the potential decreases; all of it if no configuration is inadmissible."""
+    iterate.before, increment, w = balance.norm, iterate.increment, iterate.w
+    if increment.bulk.linear:
+        iterate.w, iterate.configuration = w + direction, increment.at(w + direction)
+    else:
+        impulse = iterate.last_impulse
+        found = search(increment, w, iterate.configuration, direction, balance.gradient - impulse, impulse)
+        iterate.w, iterate.configuration = found
     timer.lap("bulk")
     iterate.iteration += 1
     iterate.contact = None if iterate.contact is None else iterate.contact.at(iterate.w)
 
 
-def _solution(iterate: _Iterate, balance: _Balance) -> Solution | None:
+def _solution(iterate: _Iterate, balance: Balance) -> Solution | None:
     """The solution, with the momentum of every body balanced to round-off; None if that would change gaps."""
     increment, factor = iterate.increment, iterate.factor
     w = with_balanced_momentum(increment, iterate.w, balance.contact_impulse, iterate.last_impulse)
@@ -210,13 +168,5 @@ def _solution(iterate: _Iterate, balance: _Balance) -> Solution | None:
         return None
     reaction = increment.reaction(balance.out_of_balance)
     spin = missing_spin(increment, w, balance.out_of_balance)
-    numbers = balance.iteration, iterate.refactorisation.count, balance.contact, balance.norm
+    numbers = iterate.iteration, iterate.refactorisation.count, balance.contact, balance.norm
     return Solution(w, iterate.contact, *numbers, reaction, factor, spin, iterate.configuration)
-
-
-def _not_converged(iterate: _Iterate, balance: _Balance) -> StepRejected:
-    """The error that names the criteria which are not met."""
-    increment, contact = iterate.increment, iterate.contact
-    moved = drift(increment, iterate.w, balance.contact_impulse, iterate.last_impulse)
-    unmet = unmet_criteria(increment, contact, balance.out_of_balance, balance.norm, balance.contact, moved)
-    return not_converged(increment, balance.iteration, unmet)

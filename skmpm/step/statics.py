@@ -210,8 +210,8 @@ class _Change:
 
 def _configuration(increment: Increment, solution: Solution) -> Configuration:
     """The configuration of a solution, without another evaluation of the points."""
-    there, known = increment.at(solution.w), solution.configuration
-    return there if known is None else known.translated(there.displacement, there.scalars)
+    there = increment.at(solution.w)
+    return solution.configuration.translated(there.displacement, there.scalars)
 
 
 def _unheld(increment: Increment, motion: RigidMotion, problem: ContactProblem | None, w: Array) -> Array:

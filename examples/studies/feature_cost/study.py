@@ -105,7 +105,7 @@ COUNTS: dict[str, Callable[[Counts], float]] = {
     "contact iterations": lambda c: c.reported("contact"),
     "factorisations": lambda c: c.reported("factorisations"),
     "solves": lambda c: c.named("Banded.__call__", "Amg.__call__"),
-    "line searches": lambda c: c.named("line_search._search"),
+    "line searches": lambda c: c.named("line_search.search"),
     "gravity evaluated": lambda c: c.named("prescribed.gravity_at"),
     "loads evaluated": lambda c: c.named("Model.forces"),
     "body grids built": lambda c: c.named("building.build_grids"),
