@@ -158,7 +158,7 @@ def _contact_problem(
     timer.lap("detection")
     known = KnownForces(contacts.key, contacts.force)
     held = scene.supporting >= 0
-    return ContactProblem(linearise, increment, motions, known, timer, supported=held, delassus=delassus)
+    return ContactProblem(linearise, increment, motions, known, timer, held, delassus)
 
 
 def _equilibrium(

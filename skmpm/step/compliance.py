@@ -107,7 +107,7 @@ def delassus_matrix(
 
     Also returns the borders of it that bars and a box are, and the operator with the columns computed so far.
     """
-    constraints, increment, delassus = contact.constraints, contact.increment, contact.delassus
+    constraints, increment, delassus = contact.constraints, contact.increment, contact.problem.delassus
     joining = solver if isinstance(solver, Joined) else None
     turned = solver if isinstance(solver, Rotated) else None
     solver = solver.solver if isinstance(solver, (Joined, Rotated)) else solver

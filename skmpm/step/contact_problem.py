@@ -5,9 +5,9 @@ Contacts enter it that may close and whose gap can change: the candidates.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -33,38 +33,6 @@ MAX_CANDIDATE_GAP = 0.08
 # [cells] Largest penetration of a supported point, a fifth of what is accepted at walls (test_supports).
 MAX_SUPPORTED_PENETRATION = 0.01
 BOTH_SUPPORTED, GIVE_NO_SUPPORT = "they press on each other where supports hold both", "give these points no Support"
-
-
-def active_constraints(
-    constraints: Constraints,
-    grid: BodyGrids,
-    supports: Elimination | None,
-    supported: Bools,
-    rows: Callable[[Constraints, Sequence[Array]], sp.csr_array],
-) -> Constraints:
-    """The contacts that get rows: those with a gap below `MAX_CANDIDATE_GAP`, or in tension, whose gap can change.
-
-    `supported` (2, n) are the velocity components of the points that supports prescribe; `rows` gives what unknowns
-    that are not on the grids add to relative velocities along directions.
-
-    Raises
-    ------
-    StepRejected
-        if a point that cannot move penetrates what it touches
-    """
-    if constraints.size == 0:
-        return constraints
-    near = constraints.gap < MAX_CANDIDATE_GAP * grid.cell
-    constraints = constraints.among(near | (constraints.tensile_strength > 0.0))
-    if supports is None or constraints.size == 0:
-        return constraints
-    movable = _movable(constraints, grid, supports, supported)
-    movable |= driven(rows(constraints, [constraints.normal]))
-    penetrating = np.flatnonzero(~movable & (constraints.gap < -MAX_SUPPORTED_PENETRATION * grid.cell))
-    if penetrating.size:
-        bodies = constraints.bodies[:, penetrating[0]]
-        raise StepRejected(pair(bodies), BOTH_SUPPORTED, GIVE_NO_SUPPORT, retryable=False)
-    return constraints.among(movable)
 
 
 def _movable(constraints: Constraints, grid: BodyGrids, supports: Elimination, supported: Bools) -> Bools:
@@ -115,18 +83,17 @@ class KnownForces:
 
 @dataclass(frozen=True)
 class ContactProblem:
-    """What the contact problems of all iterations of a step have in common."""
+    """What the contact problems of all iterations of a step have in common, and what they know of the last solve."""
 
     linearise: Linearise
     increment: Increment
     prescribed: PrescribedVelocities
-    known: KnownForces  # with which the iteration begins: of the step before, or of the static solve before
+    known: KnownForces  # of the last contact solve; at first of the step before, or of the static solve before
     timer: Timer
-    supported: Bools = field(  # (2, n) velocity components of the points that supports prescribe
-        default_factory=lambda: np.zeros((2, 0), dtype=bool)
-    )
-    # That of the factor of an earlier step; for one that is made again, the contact points (m,) that it knew.
-    delassus: Delassus | Bools | None = None
+    supported: Bools  # (2, n) velocity components of the points that supports prescribe
+    # Of the solver in use, None before a new factorisation. At first that of the factor of an earlier step; for one
+    # that is made again, the contact points (m,) that it knew.
+    delassus: Delassus | Bools | None
 
     def within(self, increment: Increment, *, kept: bool) -> ContactProblem:
         """The problem with other equations of the step, and without the operator of a factor that is not kept."""
@@ -140,14 +107,32 @@ class ContactProblem:
         return replace(self, known=KnownForces(contact.constraints.key, force))
 
     def active_at(self, moving: Array) -> Constraints:
-        """The constraints about a velocity (n,) that enter the contact problem."""
+        """The constraints about a velocity (n,) that get rows: those that may close and whose gap can change.
+
+        May close what has a gap below `MAX_CANDIDATE_GAP`, or is in tension.
+
+        Raises
+        ------
+        StepRejected
+            if a point that cannot move penetrates what it touches
+        """
         increment, unknowns = self.increment, self.increment.scalars
         nodes, z = increment.on_nodes(moving), increment.of_scalars(moving)
         moved = (unknowns.motions(self.prescribed, z),) if unknowns.kinds else ()
-        found = self.linearise(nodes, *moved)
-        return active_constraints(
-            found, increment.grid, increment.supports, self.supported, partial(unknowns.rows, z)
-        )
+        constraints, grid = self.linearise(nodes, *moved), increment.grid
+        if constraints.size == 0:
+            return constraints
+        near = constraints.gap < MAX_CANDIDATE_GAP * grid.cell
+        constraints = constraints.among(near | (constraints.tensile_strength > 0.0))
+        if increment.supports is None or constraints.size == 0:
+            return constraints
+        movable = _movable(constraints, grid, increment.supports, self.supported)
+        movable |= driven(unknowns.rows(z, constraints, [constraints.normal]))
+        penetrating = np.flatnonzero(~movable & (constraints.gap < -MAX_SUPPORTED_PENETRATION * grid.cell))
+        if penetrating.size:
+            bodies = constraints.bodies[:, penetrating[0]]
+            raise StepRejected(pair(bodies), BOTH_SUPPORTED, GIVE_NO_SUPPORT, retryable=False)
+        return constraints.among(movable)
 
     @cached_property
     def speed_round_off(self) -> float:
@@ -157,8 +142,16 @@ class ContactProblem:
         return 4.0 * float(np.finfo(float).eps) * extent / self.increment.dt
 
     def at(self, w: Array) -> ContactIterate:
-        """The contact problem linearised about the velocity w (n,)."""
-        return _iterate(self, w, self.known, self.delassus)
+        """The contact problem linearised about the velocity w (n,), with the known impulses."""
+        self.timer.lap("bulk")
+        increment, r, u = self.increment, np.zeros(0), np.zeros(0)
+        moving = increment.with_box_motion(w, w)
+        constraints = self.active_at(moving)
+        if constraints.size > 0:
+            r = self.known.on(constraints, increment.dt)
+            u = constraints.D @ constraints.at_contact_points(increment.on_nodes(moving)) + constraints.offset
+        self.timer.lap("detection")
+        return ContactIterate(self, constraints, r, u, moving)
 
 
 @dataclass(frozen=True)
@@ -166,8 +159,6 @@ class ContactIterate:
     """The contact problem linearised about a velocity w, with impulses: the known ones, or those of a solve at w."""
 
     problem: ContactProblem
-    known: KnownForces
-    delassus: Delassus | Bools | None  # belongs to the solver in use; None before a new factorisation
     constraints: Constraints
     r: Array  # impulses (k,) or (2 k,) [kg m/s per m]
     u: Array  # relative velocities at w, with gaps over dt
@@ -236,7 +227,7 @@ class ContactIterate:
     @cached_property
     def residual(self) -> float:
         """Relative residual of the contact law; infinite before the first contact solve of the step."""
-        constraints, scale = self.constraints, self.known.scale
+        constraints, scale = self.constraints, self.problem.known.scale
         if constraints.size == 0:
             return 0.0
         if scale is None:
@@ -247,39 +238,25 @@ class ContactIterate:
     @property
     def impulse_round_off(self) -> float:
         """Size of the contact impulse of round-off in gap velocities [kg m/s per m]; zero before the first solve."""
-        scale = self.known.scale
+        scale = self.problem.known.scale
         if scale is None or scale.key.size == 0:
             return 0.0
         return float(np.linalg.norm(self.problem.speed_round_off / scale.diagonal[0]))
 
     def worst_pair(self) -> str:
         """The pair of bodies with the largest contact residual, as text."""
-        if self.known.scale is None:
+        scale = self.problem.known.scale
+        if scale is None:
             return "contacts not solved yet"
-        diagonal = self.known.scale.diagonal_of(self.constraints)
+        diagonal = scale.diagonal_of(self.constraints)
         residuals = coulomb.residuals(self.lifted, self.u, self.constraints.friction, diagonal)
-        return of_contact(self.constraints, int(np.argmax(residuals)), self.problem.increment.grid.cell)
+        return of_contact(self.constraints, int(np.argmax(residuals)), self.increment.grid.cell)
 
     def at(self, w: Array) -> ContactIterate:
         """The contact problem linearised about another velocity."""
-        found = _iterate(self.problem, w, self.known, self.delassus)
+        found = self.problem.at(w)
         return replace(found, iterations=self.iterations, stiffness_failures=self.stiffness_failures)
 
-    def without_delassus(self) -> ContactIterate:
-        """The iterate without the Delassus operator, which belongs to a solver that is about to be released."""
-        return replace(self, delassus=None)
-
-
-def _iterate(
-    problem: ContactProblem, w: Array, known: KnownForces, delassus: Delassus | Bools | None
-) -> ContactIterate:
-    """Linearise about w (n,), with the known impulses."""
-    problem.timer.lap("bulk")
-    increment, moving = problem.increment, problem.increment.with_box_motion(w, w)
-    constraints = problem.active_at(moving)
-    r = u = np.zeros(0)
-    if constraints.size > 0:
-        r = known.on(constraints, increment.dt)
-        u = constraints.D @ constraints.at_contact_points(increment.on_nodes(moving)) + constraints.offset
-    problem.timer.lap("detection")
-    return ContactIterate(problem, known, delassus, constraints, r, u, moving)
+    def with_delassus(self, delassus: Delassus | None) -> ContactIterate:
+        """The iterate with another Delassus operator; without one before its solver is released."""
+        return replace(self, problem=replace(self.problem, delassus=delassus))

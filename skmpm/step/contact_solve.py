@@ -45,7 +45,7 @@ def solve(contact: ContactIterate, solver: Solver, gradient: Array) -> Direction
     timer.lap("linear")
     W, borders, delassus = delassus_matrix(contact, solver, geometric)
     timer.lap("delassus")
-    linearised = _Linearised(replace(contact, delassus=delassus), solver, gradient, W, borders, with_known)
+    linearised = _Linearised(contact.with_delassus(delassus), solver, gradient, W, borders, with_known)
     found = linearised.with_stiffness(geometric)
     timer.lap("linear")
     return found
@@ -136,11 +136,11 @@ class _Linearised:
     def _after(self, r: Array, scale: ContactScale, iterations: int, failures: int) -> ContactIterate:
         """The contact problem with the impulses of the solve, which are known from now on."""
         contact, constraints = self.contact, self.contact.constraints
-        force = constraints.forces(r, contact.increment.dt)
+        known = KnownForces(constraints.key, constraints.forces(r, contact.increment.dt), constraints.normal, scale)
         return replace(
             contact,
+            problem=replace(contact.problem, known=known),
             r=r,
-            known=KnownForces(constraints.key, force, constraints.normal, scale),
             iterations=contact.iterations + iterations,
             stiffness_failures=contact.stiffness_failures + failures,
         )

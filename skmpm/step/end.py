@@ -83,9 +83,10 @@ def _closed(increment: Increment, contact: ContactIterate) -> Bools:
     stride, shares = contact.r.size // constraints.size, constraints.shares
     moves = np.diff(shares.indptr) > 0
     closed = contact.lifted[::stride] > 0.0
-    if constraints.cohesive and contact.known.scale is not None:
+    scale = contact.problem.known.scale
+    if constraints.cohesive and scale is not None:
         # Tension across an open gap is the strength up to round-off: such a contact is open by its velocity.
-        response = contact.known.scale.diagonal_of(constraints)[::stride]
+        response = scale.diagonal_of(constraints)[::stride]
         closed &= contact.lifted[::stride] * response > contact.u[::stride]
     if increment.supports is not None:
         fixed = increment.supports.fixed

@@ -116,7 +116,7 @@ def keep(
         return None
     if not increment.linear and factor.solver.name == MULTIGRID:
         return None
-    delassus = None if contact is None else contact.delassus
+    delassus = None if contact is None else contact.problem.delassus
     points = delassus.known if isinstance(delassus, Delassus) else np.zeros(0, dtype=bool)
     kept = Factored(increment.theta_dt, increment.scheme.inertia, factor.displacement, factor.in_contact, points)
     _factors[kept] = (scene, increment.scheme, factor, delassus)

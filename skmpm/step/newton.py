@@ -128,7 +128,7 @@ def _factorise(iterate: _Iterate, balance: Balance, timer: Timer) -> None:
     if iterate.factor is not None and not due:
         return
     iterate.factor = None  # so that only one solver is in memory
-    iterate.contact = None if iterate.contact is None else iterate.contact.without_delassus()
+    iterate.contact = None if iterate.contact is None else iterate.contact.with_delassus(None)
     iterate.factor = factorise(increment, iterate.configuration, in_contact=touching)
     iterate.refactorisation.made(iteration)
     timer.lap("factorisation")
