@@ -46,7 +46,7 @@ def contacts_between_bodies(scene: Scene, near: Neighbours, start: Array, moved:
     """Contact pairs of bodies whose boundary points move from `start` by `moved`, both (2, m) [m]."""
     curve, boundary = near.curve, near.curve.outlines
     now = curve.through(start + moved)
-    end, before = foot_points(near, now)
+    end = foot_points(near, now)
     at = now if theta == 1.0 else curve.through(start + theta * moved)
     driving = end if theta == 1.0 else project(near, at, end)
     shares, curvature = tangent_shares(at, driving)
@@ -69,7 +69,7 @@ def contacts_between_bodies(scene: Scene, near: Neighbours, start: Array, moved:
         travel=travel,
         normal=driving.normal,
         gap=end.gap,
-        before=before,
+        before=end.before,
         friction=scene.frictions.between(near.surfaces.body[bodies]),
         kept=near.shifts.kept_overlap(end.key),
     )

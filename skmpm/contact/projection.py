@@ -43,49 +43,39 @@ class FootPoints:
     corner_pair: Bools  # (k,) whether two corners are in contact; the segment begins at the second one
     normal: Array  # (2, k) outward unit normal of the surface at the foot
     gap: Array  # (k,) [m]
+    before: Array  # (k,) gap at the start of the step [m]
     beside: Bools  # (k,) whether the point lies beyond the end of the side, or outside the wedge of the corner
     key: Ints  # (k,) identity of the contact
 
 
-def foot_points(near: Neighbours, now: Cubics) -> tuple[FootPoints, Array]:
-    """Contacts within reach in the configuration `now`, and their gaps (k,) [m] at the start of the step.
-
-    A point that was beyond the end of a side did not overlap with it.
-    """
-    found, segment, before = _on_sides(near, now)
-    if near.own.bodies.size:
-        chosen = np.flatnonzero(near.own.across_gap(found.point, segment, before.gap))
-        found, before = among(found, chosen), among(before, chosen)
+def foot_points(near: Neighbours, now: Cubics) -> FootPoints:
+    """Contacts within reach in the configuration `now`."""
+    found = _on_sides(near, now)
     if near.curve.convex.any():
         corner_pairs = _corner_pairs(near, now)
         kept = _outermost(near.curve, found) & ~_superseded(near.curve, found, corner_pairs)
         kept |= near.tension.holds(found.key) & ~np.isin(found.key, corner_pairs.key)
-        found = joined([among(found, kept), corner_pairs])
-        before = joined([among(before, kept), _Before.at_start(project(near, near.start, corner_pairs))])
+        found = joined([among(found, kept), _with_start(near, corner_pairs)])
     guards = among(found, guarded(found.shift))
     if guards.gap.size:
         guards = replace(guards, shift=np.zeros(guards.gap.size), key=guard_keys(guards.key))
-        guards = project(near, now, guards)
-        found = joined([found, guards])
-        before = joined([before, _Before.at_start(project(near, near.start, guards))])
-    return found, np.where(before.beside, np.maximum(before.gap, 0.0), before.gap)
+        found = joined([found, _with_start(near, project(near, now, guards))])
+    return found
 
 
-@dataclass(frozen=True)
-class _Before:
-    """Contacts at the start of the step."""
-
-    gap: Array  # (k,) [m]
-    beside: Bools  # (k,)
-
-    @classmethod
-    def at_start(cls, found: FootPoints) -> _Before:
-        """Where the projections were at the start of the step."""
-        return cls(found.gap, found.beside)
+def _with_start(near: Neighbours, found: FootPoints) -> FootPoints:
+    """Contacts with their gaps at the start of the step."""
+    start = project(near, near.start, found)
+    return replace(found, before=_gap_before(start.gap, start.beside))
 
 
-def _on_sides(near: Neighbours, now: Cubics) -> tuple[FootPoints, Ints, _Before]:
-    """Contacts with sides within reach, and their segments (k,) and gaps at the start of the step."""
+def _gap_before(gap: Array, beside: Bools) -> Array:
+    """Gaps at the start of the step, (k,) [m]: a point that was beyond the end of a side did not overlap with it."""
+    return np.where(beside, np.maximum(gap, 0.0), gap)
+
+
+def _on_sides(near: Neighbours, now: Cubics) -> FootPoints:
+    """Contacts with sides within reach, but on the body itself those across a gap only."""
     groups, start = near.begins.size, near.start
     chosen, s, place = np.empty((2, groups), dtype=np.int64), np.empty(groups), np.empty((4, groups))
     beside = np.empty(groups, dtype=bool)
@@ -97,8 +87,11 @@ def _on_sides(near: Neighbours, now: Cubics) -> tuple[FootPoints, Ints, _Before]
     arguments = (*candidates, *shapes, limits, near.tension.holds(near.key), chosen, s, place, beside)
     over_points(lambda first, last: feet.contacts(first, last, *arguments), groups)
     group = np.flatnonzero(chosen[0] >= 0)
-    (segment, segment_before), place = chosen[:, group], place[:, group]
-    found = FootPoints(
+    if near.own.bodies.size:
+        point = near.point[near.begins[group]]
+        group = group[near.own.across_gap(point, chosen[1, group], place[3, group])]
+    segment, place = chosen[0, group], place[:, group]
+    return FootPoints(
         point=near.point[near.begins[group]],
         shift=shift[group],
         segment=segment,
@@ -106,10 +99,10 @@ def _on_sides(near: Neighbours, now: Cubics) -> tuple[FootPoints, Ints, _Before]
         corner_pair=np.zeros(group.size, dtype=bool),
         normal=place[:2],
         gap=place[2],
+        before=_gap_before(place[3], beside[group]),
         beside=np.zeros(group.size, dtype=bool),
         key=near.key[group],
     )
-    return found, segment_before, _Before(place[3], beside[group])
 
 
 def project(near: Neighbours, shape: Cubics, found: FootPoints) -> FootPoints:
@@ -127,7 +120,7 @@ def project(near: Neighbours, shape: Cubics, found: FootPoints) -> FootPoints:
         normal[:, pairs], gap[pairs], beside[pairs] = corners.normal, corners.gap, ~corners.seen
         keeps_other = near.tension.holds(corners.other_key) & ~near.tension.holds(corners.key)
         key[pairs] = np.where(keeps_other, corners.other_key, corners.key)
-    return FootPoints(found.point, found.shift, segment, s, found.corner_pair, normal, gap, beside, key)
+    return replace(found, segment=segment, s=s, normal=normal, gap=gap, beside=beside, key=key)
 
 
 def tangent_shares(shape: Cubics, at: FootPoints) -> tuple[Array, Array]:
@@ -162,9 +155,8 @@ def _corner_pairs(near: Neighbours, now: Cubics) -> FootPoints:
     """Contacts of two convex corners within reach."""
     c, j = near.corner_pairs
     none, both, neither = np.zeros(c.size), np.ones(c.size, dtype=bool), np.zeros(c.size, dtype=bool)
-    found = project(
-        near, now, FootPoints(c, none, j, none, both, np.zeros((2, c.size)), none, neither, near.keys(c, j))
-    )
+    at = FootPoints(c, none, j, none, both, np.zeros((2, c.size)), none, none, neither, near.keys(c, j))
+    found = project(near, now, at)
     return among(found, ~found.beside & (np.abs(found.gap) < near.reach))
 
 
