@@ -89,41 +89,46 @@ def point_to_curve(
     check_outlines(scene)
     motions = prescribed_velocities(scene, state.t, dt, state.box) if motions is None else motions
     kept = 1.0 - PUSH_OUT * (min(1.0, dt * scene.fastest_wave / scene.cell) if inertia else 1.0)
-    detection = _Detection(scene, state, dt, theta, _boundary_interpolation(scene, state, grid, scene.outlines), kept)
     motion = Motion.prescribed(scene, state, motions, dt)
-    margin = 0.5 * contact_reach(scene) + 2.0 * motion.largest(dt * state.v[:, scene.outlines.point], detection.start)
-    close = detection.near(margin)
+    interpolation = _boundary_interpolation(scene, state, grid, scene.outlines)
+    step = _PointToCurve(scene, state, dt, theta, motions, motion, interpolation, kept)
+    margin = 0.5 * contact_reach(scene) + 2.0 * motion.largest(dt * state.v[:, scene.outlines.point], step.start)
+    close = step.near(margin)
     if close is not None and scene.movable.any():
-        close = detection.with_closest_points(close, motion, slide=not inertia)
+        close = step.with_closest_points(close, slide=not inertia)
     if close is not None and scene.cohesive:
-        close = detection.with_tension(close, motion)
-    return _PointToCurve(detection, motions, motion, margin, close)
+        close = step.with_tension(close)
+    return replace(step, margin=margin, close=close)
 
 
 @dataclass(frozen=True)
 class _PointToCurve:
     """The constraints of a step at any nodal velocities, from candidates that are found once."""
 
-    detection: _Detection
+    scene: Scene
+    state: State
+    dt: float  # [s]
+    theta: float
     motions: PrescribedVelocities
     motion: Motion  # by these
-    margin: float  # twice the motion up to which the candidates are complete [m]
-    close: Neighbours | None  # the candidates; None if nothing is near anything
+    interpolation: sp.csr_array  # (m, nodes) from nodes to boundary points
+    kept: float  # share of an initial overlap that stays
+    margin: float = 0.0  # twice the motion up to which the candidates are complete [m]
+    close: Neighbours | None = None  # the candidates; None if nothing is near anything
 
     def __call__(self, w: Array, motions: PrescribedVelocities | None = None) -> Constraints:
         """The constraints at nodal velocities w (2 nodes,) [m/s], and what is prescribed if it is not as at first."""
-        step = self.detection
-        motion = Motion.prescribed(step.scene, step.state, self.motions if motions is None else motions, step.dt)
-        velocity = (step.interpolation @ w.reshape(-1, 2)).T
-        moved = step.dt * velocity + motion.points
-        near = self._candidates(2.0 * motion.largest(moved, step.start))
+        motion = Motion.prescribed(self.scene, self.state, self.motions if motions is None else motions, self.dt)
+        velocity = (self.interpolation @ w.reshape(-1, 2)).T
+        moved = self.dt * velocity + motion.points
+        near = self._candidates(2.0 * motion.largest(moved, self.start))
         if near is None:
-            return no_constraints(step.interpolation)
+            return no_constraints(self.interpolation)
         moved = motion.of_surfaces(near.surfaces, moved)
-        pairs = step.pairs(near, motion.walls, moved, step.theta)
+        pairs = self.pairs(near, motion.walls, moved, self.theta)
         if pairs.gap.size == 0:
-            return no_constraints(step.interpolation)
-        return step.constraints(pairs, near, motion, moved, velocity)
+            return no_constraints(self.interpolation)
+        return self.constraints(pairs, near, motion, moved, velocity)
 
     def _candidates(self, needed: float) -> Neighbours | None:
         """The candidates with a margin of `needed` [m], found again if that is more than was foreseen.
@@ -133,23 +138,11 @@ class _PointToCurve:
         """
         if needed <= self.margin:
             return self.close
-        near = self.detection.near(min(needed, self.margin + 2.0 * self.detection.scene.max_motion))
+        near = self.near(min(needed, self.margin + 2.0 * self.scene.max_motion))
         if near is None or self.close is None:
             return near
-        facing = None if self.close.facing is None else self.detection.ahead(near, self.motion)
+        facing = None if self.close.facing is None else self.ahead(near)
         return replace(near, shifts=self.close.shifts, tension=self.close.tension, facing=facing)
-
-
-@dataclass(frozen=True)
-class _Detection:
-    """The detection of contacts in a step."""
-
-    scene: Scene
-    state: State
-    dt: float  # [s]
-    theta: float
-    interpolation: sp.csr_array  # (m, nodes) from nodes to boundary points
-    kept: float  # share of an initial overlap that stays
 
     @property
     def start(self) -> Array:
@@ -178,28 +171,29 @@ class _Detection:
         between = [] if near.none and walls.size else [contacts_between_bodies(scene, near, start, moved, theta)]
         return joined([*between, *on_walls])
 
-    def with_tension(self, near: Neighbours, motion: Motion) -> Neighbours:
+    def with_tension(self, near: Neighbours) -> Neighbours:
         """The candidates with the contacts that bear tension in the step."""
-        start, walls = near.start.x, motion.walls[0]
+        start, walls = near.start.x, self.motion.walls[0]
         found = self.pairs(near, np.stack([walls, 0.0 * walls]), 0.0 * start, 1.0)
         strength = tensile_strength(self.scene, near.surfaces, start, found, near.roles.rank)
         bears = np.flatnonzero(strength)
         return replace(near, tension=Tension(found.key[bears], strength[bears]))
 
-    def ahead(self, near: Neighbours, motion: Motion) -> Cubics:
+    def ahead(self, near: Neighbours) -> Cubics:
         """The outlines at t + theta dt in a step of constant velocities."""
-        boundary, v = self.scene.outlines, self.state.v + motion.change_of_box_velocity(self.state)
-        moved = np.where(self.scene.deformable[boundary.body], motion.dt * v[:, boundary.point], motion.points)
+        motion, boundary = self.motion, self.scene.outlines
+        v = self.state.v + motion.change_of_box_velocity(self.state)
+        moved = np.where(self.scene.deformable[boundary.body], self.dt * v[:, boundary.point], motion.points)
         return near.curve.through(near.start.x + self.theta * motion.of_surfaces(near.surfaces, moved))
 
-    def with_closest_points(self, near: Neighbours, motion: Motion, *, slide: bool) -> Neighbours:
+    def with_closest_points(self, near: Neighbours, *, slide: bool) -> Neighbours:
         """The candidates with contact points shifted to the closest points of the outlines `ahead`.
 
         Impulses have no moment about the axis of a body that rolls if their points pass below it then. What slides
         may move far: which points face a side is decided there, too.
         """
-        start, displacement = motion.walls
-        walls, ahead = start + self.theta * displacement, self.ahead(near, motion)
+        start, displacement = self.motion.walls
+        walls, ahead = start + self.theta * displacement, self.ahead(near)
         shifts = closest_points(self.scene, near, ahead, walls, self.state.contacts, slide=slide)
         return replace(near, shifts=shifts, facing=ahead if slide else None)
 
@@ -210,7 +204,7 @@ class _Detection:
 
         `velocity` (2, points) [m/s] is what the nodes cause of it at the boundary points of bodies.
         """
-        surfaces, dt, x, points = near.surfaces, motion.dt, near.start.x + moved, velocity.shape[1]
+        surfaces, dt, x, points = near.surfaces, self.dt, near.start.x + moved, velocity.shape[1]
         at = np.einsum("jk,ijk->ik", found.own_weights, x[:, found.own])
         on_wall = found.bodies[1] < 0
         first, second = (surfaces.lattice[:, body] for body in (found.bodies[0], np.where(on_wall, *found.bodies)))
@@ -234,7 +228,7 @@ class _Detection:
             point=self.scene.outlines.point[found.point],
             base=self.interpolation,
             difference=relative,
-            geometry=geometry_of(found, near, points),
+            geometry=geometry_of(found, points),
             rigid=motion.points.T / dt,
             surfaces=moving,
             offset_normal=(found.gap - allowed) / dt - now,

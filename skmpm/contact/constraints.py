@@ -250,7 +250,7 @@ class Constraints:
 
     def impulses(self, key: Ints, force: Array, dt: float) -> Array:
         """Impulses of these contacts from the forces (2, m) of contacts with keys `key` (m,); zero for others."""
-        found, where = _match(key, self.key)
+        found, where = match(key, self.key)
         r = np.where(found, dt * force[:, where], 0.0) if key.size else np.zeros((2, self.size))
         return np.asarray(r.T.ravel() if self.tangential else r[0])
 
@@ -298,7 +298,7 @@ def acts_at_grid_nodes(law: ContactFormulation) -> bool:
     return bool(getattr(law, "at_grid_nodes", False))
 
 
-def _match(known: Ints, wanted: Ints) -> tuple[Bools, Ints]:
+def match(known: Ints, wanted: Ints) -> tuple[Bools, Ints]:
     """For each wanted key, whether it is one of the known keys (unique) and at which index."""
     order = np.argsort(known, kind="stable")  # fast where runs ascend, as keys do
     index = np.minimum(np.searchsorted(known[order], wanted), max(known.size - 1, 0))
@@ -310,5 +310,5 @@ def lookup(known: Ints, values: Array, wanted: Ints, otherwise: float) -> Array:
     """Values (k,) of the wanted keys (k,) from those (m,) of the known keys (m,), else `otherwise`."""
     if known.size == 0:
         return np.full(wanted.size, otherwise)
-    found, where = _match(known, wanted)
+    found, where = match(known, wanted)
     return np.asarray(np.where(found, values[where], otherwise))

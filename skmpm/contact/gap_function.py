@@ -35,6 +35,7 @@ class ContactPairs:
     own_shares: Array  # (4, k) weights of `own` in the unit tangent at the contact point [1/m]
     along: Array  # (k,) cosine between both tangents
     travel: Array  # (k,) of the contact point along its outline, per slope of the gap [m]; 0 if it is fixed
+    wide_from: Array  # (k,) normal force between the bodies that makes the contact too wide to travel [N/m]
     normal: Array  # (2, k) at x + theta dt w
     gap: Array  # (k,) at the end of the step [m]
     before: Array  # (k,) gap at the start of the step [m]
@@ -51,8 +52,8 @@ def contacts_between_bodies(scene: Scene, near: Neighbours, start: Array, moved:
     driving = end if theta == 1.0 else project(near, at, end)
     shares, curvature = tangent_shares(at, driving)
     own, own_s = curve.shifted(end.point, end.shift)
-    travel = near.shifts.travel_of(end.key)
-    own_shares, along = _own_tangents(now if travel.any() else None, curve, own, own_s, end.normal)
+    shifts = near.shifts.at(end.key)
+    own_shares, along = _own_tangents(now if shifts.travel.any() else None, curve, own, own_s, end.normal)
     bodies = boundary.body[np.stack([end.point, end.segment])]
     return ContactPairs(
         bodies=bodies,
@@ -66,12 +67,13 @@ def contacts_between_bodies(scene: Scene, near: Neighbours, start: Array, moved:
         curvature=curvature,
         own_shares=own_shares,
         along=along,
-        travel=travel,
+        travel=shifts.travel,
+        wide_from=shifts.wide_from,
         normal=driving.normal,
         gap=end.gap,
         before=end.before,
         friction=scene.frictions.between(near.surfaces.body[bodies]),
-        kept=near.shifts.kept_overlap(end.key),
+        kept=shifts.sagitta,
     )
 
 
@@ -86,13 +88,14 @@ def contacts_with_wall(
     kept = near.tension.holds(near.wall_keys(i, np.arange(points)))
     c = c[: _wall_gaps(normal, start, point, moved, step, movable, kept, near.reach, before, gap, c)]
     key = near.wall_keys(i, c)
-    shift, travel = near.shifts.at_keys(key), near.shifts.travel_of(key)
-    now = curve.through(start + moved) if travel.any() else None
+    shifts = near.shifts.at(key)
+    now = curve.through(start + moved) if shifts.travel.any() else None
     if now is not None:
-        feet.slide_on_wall(c, shift, travel, normal[0], normal[1], now.c, curve.loops)
-    doubled = guarded(shift)
-    c, shift = np.append(c, c[doubled]), np.append(shift, np.zeros(np.count_nonzero(doubled)))
-    key, travel = np.append(key, guard_keys(key[doubled])), np.append(travel, np.zeros(np.count_nonzero(doubled)))
+        feet.slide_on_wall(c, shifts.shift, shifts.travel, normal[0], normal[1], now.c, curve.loops)
+    doubled = guarded(shifts.shift)
+    c, key = np.append(c, c[doubled]), np.append(key, guard_keys(key[doubled]))
+    shift = np.append(shifts.shift, np.zeros(np.count_nonzero(doubled)))
+    shifts = near.shifts.at(key)
     segment, s = curve.shifted(c, shift)
     own, weights = curve.stencil(segment), curve.weights(segment, s)
     bodies = np.stack([boundary.body[c], np.full(c.size, -1 - i)])
@@ -110,12 +113,13 @@ def contacts_with_wall(
         curvature=np.zeros(c.size),
         own_shares=own_shares,
         along=along,
-        travel=travel,
+        travel=shifts.travel,
+        wide_from=shifts.wide_from,
         normal=normals,
         gap=np.einsum("jk,jk->k", weights, gap[own]),
         before=np.einsum("jk,jk->k", weights, before[own]),
         friction=scene.frictions.between(bodies),
-        kept=near.shifts.kept_overlap(key),
+        kept=shifts.sagitta,
     )
 
 
@@ -157,7 +161,7 @@ def _wall_gaps(
     return size
 
 
-def geometry_of(found: ContactPairs, near: Neighbours, points: int) -> SurfaceGeometry:
+def geometry_of(found: ContactPairs, points: int) -> SurfaceGeometry:
     """The geometry of the surfaces of contact pairs, in terms of so many contact points."""
     return SurfaceGeometry(
         tangent_shares=combinations(found.stencil, found.tangent_shares, points),
@@ -165,5 +169,5 @@ def geometry_of(found: ContactPairs, near: Neighbours, points: int) -> SurfaceGe
         curvature=found.curvature,
         along=found.along,
         travel=found.travel,
-        wide_from=near.shifts.wide_from_of(found.key),
+        wide_from=found.wide_from,
     )

@@ -81,14 +81,9 @@ class Neighbours:
         return self.keys(self.point[self.begins], self.segment[self.begins])
 
     @cached_property
-    def shift(self) -> Array:
-        """Shifts of the contact points of the groups, (groups,) [segments]."""
-        return self.shifts.at_keys(self.key)
-
-    @cached_property
-    def travel(self) -> Array:
-        """How far the contact points of the groups travel per slope of the gap, (groups,) [m]."""
-        return self.shifts.travel_of(self.key)
+    def of_groups(self) -> Shifts:
+        """The shifts of the contact points of the groups."""
+        return self.shifts.at(self.key)
 
     @cached_property
     def ends(self) -> Ints:

@@ -79,8 +79,8 @@ def _on_sides(near: Neighbours, now: Cubics) -> FootPoints:
     groups, start = near.begins.size, near.start
     chosen, s, place = np.empty((2, groups), dtype=np.int64), np.empty(groups), np.empty((4, groups))
     beside = np.empty(groups, dtype=bool)
-    shift = near.shift.copy()
-    candidates = (near.ends, near.point, near.segment, shift, near.travel)
+    shift = near.of_groups.shift.copy()
+    candidates = (near.ends, near.point, near.segment, shift, near.of_groups.travel)
     limits = (MAX_DEPTH * near.cell, near.reach, feet.MAX_EDGE_DEPTH * near.cell)
     facing = near.facing or start
     shapes = (now.x, now.c, start.c, facing.x, facing.c, near.curve.loops)

@@ -272,8 +272,8 @@ def test_an_iterate_that_diverges_does_not_look_for_neighbours_in_the_whole_pack
     """A step may move nothing farther than `max_motion`, so no iterate needs to look farther than that."""
     scene = crowd()
     state, margins = initial(scene), []
-    found = boundary._Detection.near
-    monkeypatch.setattr(boundary._Detection, "near", lambda self, m: (margins.append(m), found(self, m))[1])
+    found = boundary._PointToCurve.near
+    monkeypatch.setattr(boundary._PointToCurve, "near", lambda self, m: (margins.append(m), found(self, m))[1])
     grid = state.derived.assembly.grid
     linearise = contact.point_to_curve(scene, state, grid, DT)
     w = np.random.default_rng(0).normal(size=2 * grid.nodes)
