@@ -48,7 +48,7 @@ class Increment:
     @property
     def bulk(self) -> Bulk:
         """The deformable bodies."""
-        assert isinstance(self.at_start.bulk, Bulk)
+        assert self.at_start.bulk is not None
         return self.at_start.bulk
 
     @property

@@ -25,7 +25,6 @@ import scipy.sparse as sp
 from skmpm.arrays import Array, Ints
 from skmpm.grid.assembly import Assembly, Selection
 from skmpm.material import Viscous, is_linear, viscosity_of
-from skmpm.step.bulk import Bulk
 from skmpm.step.terms import Budget, Configuration, Path, Term
 
 
@@ -234,7 +233,7 @@ class ViscousBulk(Term):
     def in_step(cls, start: Configuration, dt: float, theta: float) -> ViscousBulk:
         """The viscosity in a step of dt [s] from `start`, with forces a part theta after it."""
         parts, bulk = [], start.bulk
-        assert isinstance(bulk, Bulk)
+        assert bulk is not None
         for group in bulk.groups:
             material = group.law.material
             if viscosity_of(material) > 0.0:

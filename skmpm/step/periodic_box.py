@@ -28,7 +28,7 @@ from skmpm.arrays import Array, Bools
 from skmpm.contact import Constraints
 from skmpm.contact.keys import recut_keys
 from skmpm.scene import Contacts, Periodic, PrescribedVelocities, Scene, State, centres, deformed, recut
-from skmpm.step.scalar_unknowns import Carrier, Interval
+from skmpm.step.scalar_unknowns import Interval, Unknowns
 from skmpm.step.terms import Budget, Path
 
 
@@ -52,7 +52,7 @@ def recut_box(scene: Scene, box: Array | None, contacts: Contacts) -> tuple[Arra
 
 
 @dataclass(frozen=True)
-class StressedBox(Carrier):
+class StressedBox(Unknowns):
     """The box of a scene in one step."""
 
     periodic: Periodic
@@ -85,6 +85,11 @@ class StressedBox(Carrier):
     def names(self) -> list[str]:
         """The components of its stress."""
         return [f"the stress {'xy'[i]}{'xy'[j]} of the periodic box" for i, j in self.periodic.components.T.tolist()]
+
+    @property
+    def counted(self) -> Array:
+        """Zero: its masses are not those of bodies, (q,)."""
+        return np.zeros_like(self.inertia.mass)
 
     def _edges(self, z: Array) -> Array:
         """The edges at the end of the step, (2, 2) [m]."""

@@ -119,6 +119,10 @@ class Unknowns(Term):
         """
         return sp.csr_array((0, self.inertia.v0.size)), sp.csr_array((0, 2 * constraints.size))
 
+    def translation(self, z: Array) -> Array | None:
+        """Velocities of bodies, over those at the start of the step, (2, bodies); None where these carry none."""
+        return None
+
     def carried(self, translation: Array) -> Array:
         """What velocities (2, bodies) of all bodies add to the unknowns, (p,)."""
         return np.zeros_like(self.inertia.v0)
@@ -145,25 +149,12 @@ class Unknowns(Term):
         return Budget(external=float(load @ path.end.scalars[self.own]))
 
 
-class Carrier(Unknowns):
-    """Unknowns that carry bodies; their masses are not of bodies."""
-
-    @property
-    def counted(self) -> Array:
-        """Zero (p,)."""
-        return np.zeros_like(self.inertia.mass)
-
-    @abstractmethod
-    def translation(self, z: Array) -> Array:
-        """Velocities of bodies, over those at the start of the step, (2, bodies)."""
-
-
 @dataclass(frozen=True)
 class ScalarUnknowns:
     """The scalar unknowns of a step, p in number; there may be none."""
 
     kinds: Sequence[Unknowns] = ()
-    carrier: Carrier | None = None  # one of them, the first
+    carrier: Unknowns | None = None  # the first of them, if it carries bodies
 
     @cached_property
     def inertia(self) -> Inertia:

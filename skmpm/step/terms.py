@@ -11,14 +11,16 @@ from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, field, fields
 from functools import cached_property
-from typing import Protocol, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 import scipy.sparse as sp
 
 from skmpm.arrays import Array, Ints
-from skmpm.grid.assembly import Assembly
 from skmpm.material import Response
+
+if TYPE_CHECKING:
+    from skmpm.step.bulk import Bulk
 
 ENERGY_TOLERANCE = 5e-7  # over the largest energy: gain by tolerances and round-off (test_gauge)
 
@@ -84,33 +86,12 @@ class Budget:
         return float(self.after - self.before + spent - supplied)
 
 
-class Bodies(Protocol):
-    """What a configuration asks of the bulk."""
-
-    @property
-    def assembly(self) -> Assembly:
-        """The points and their grids."""
-        ...
-
-    def mean_dilatations(self, F: Array) -> Array | None:
-        """Means of the cells at deformation gradients (2, 2, n), (n,); None if all are pointwise."""
-        ...
-
-    def responses(self, configuration: Configuration) -> tuple[Response | None, ...]:
-        """Energy and its derivatives at the points of each material."""
-        ...
-
-    def energy_anew(self, configuration: Configuration) -> float:
-        """The energy [J/m]."""
-        ...
-
-
 @dataclass(frozen=True)
 class Configuration:
     """The bodies at some nodal displacement, relative to the reference configuration (the anchor)."""
 
     displacement: Array  # (2 nodes,) [m]
-    bulk: Bodies | None = field(default=None, repr=False, compare=False)
+    bulk: Bulk | None = field(default=None, repr=False, compare=False)
     scalars: Array = field(default_factory=lambda: np.zeros(0))  # (p,) of scalar unknowns in the step [m]
     given: tuple[Array, Array | None] | None = None  # F and dilatation that do not follow from the displacement
 
