@@ -194,8 +194,10 @@ class Constraints:
 
     @property
     def offset(self) -> Array:
-        """The offset of u = H w + offset, (k,) or (2 k,) [m/s]."""
-        return self._with_sliding(self.offset_normal)
+        """The offset of u = H w + offset, (k,) or (2 k,) [m/s]; along tangents it is what is prescribed."""
+        if not self.tangential:
+            return self.offset_normal
+        return np.stack([self.offset_normal, np.einsum("ik,ik->k", self.tangent, self.prescribed)], axis=1).ravel()
 
     def components(self, vectors: Array) -> Array:
         """Components of vectors (2, k) along normals and tangents, in the order of the rows of H, (k,) or (2 k,)."""
@@ -203,12 +205,6 @@ class Constraints:
         if not self.tangential:
             return np.asarray(normal)
         return np.stack([normal, np.einsum("ik,ik->k", self.tangent, vectors)], axis=1).ravel()
-
-    def _with_sliding(self, normal: Array) -> Array:
-        """Interleave normal components with the prescribed sliding velocity if there are tangential rows."""
-        if not self.tangential:
-            return normal
-        return np.stack([normal, np.einsum("ik,ik->k", self.tangent, self.prescribed)], axis=1).ravel()
 
     def among(self, chosen: Bools) -> Constraints:
         """The constraints of the contacts where `chosen` (k,) is true."""
@@ -224,17 +220,11 @@ class Constraints:
         return r[::2] if self.tangential else r
 
     def lifted(self, r: Array, dt: float) -> Array:
-        """Impulses r + c l dt n [N s/m], which obey the law without cohesion, from impulses r [N s/m]."""
-        return self._plus(r, dt * self.tensile_strength) if self.cohesive else r
-
-    def lowered(self, r: Array, dt: float) -> Array:
-        """The inverse of `lifted`."""
-        return self._plus(r, -dt * self.tensile_strength) if self.cohesive else r
-
-    def _plus(self, r: Array, normal: Array) -> Array:
-        """Impulses r with `normal` (k,) added to their normal components."""
+        """Impulses r + c l dt n [N s/m], which obey the law without cohesion, from r [N s/m]; back again with -dt."""
+        if not self.cohesive:
+            return r
         out = r.copy()
-        out[:: 2 if self.tangential else 1] += normal
+        out[:: 2 if self.tangential else 1] += dt * self.tensile_strength
         return out
 
     def forces(self, r: Array, dt: float) -> Array:

@@ -182,7 +182,7 @@ class _Linearised:
             u = (W @ np.concatenate([r, info.bilateral]))[:k] + q
             residuals = coulomb.residuals(r, u, constraints.friction, diagonal)
             worst = int(np.argmax(residuals))
-        lowered, rho = constraints.lowered(r, increment.dt), info.bilateral[: geometric.size if geometric else 0]
+        lowered, rho = constraints.lifted(r, -increment.dt), info.bilateral[: geometric.size if geometric else 0]
         return _Impulses(lowered, rho, scale, info.iterations, info.residual, worst)
 
 
