@@ -44,7 +44,9 @@ def check_step(scene: Scene, scheme: Scheme, before: State, after: State, budget
         return 0.0
     exact = not acts_at_grid_nodes(scheme.contact)
     _check_travel(scene, before, after, exact, (solves - 1) * TOO_FAR * scene.cell)
-    return _check_penetration(scene, after, exact)
+    if exact:
+        _check_walls(scene, after)
+    return _check_overlap(scene, after, exact)
 
 
 def _check_points(scene: Scene, after: State, budget: Budget) -> None:
@@ -236,15 +238,8 @@ def _check_walls(scene: Scene, after: State) -> None:
             )
 
 
-def _check_penetration(scene: Scene, after: State, exact: bool) -> float:
-    """Overlap area over the area of all bodies; StepRejected if something lies too deep in a wall or a body."""
-    if exact:
-        _check_walls(scene, after)
-    return _check_overlap(scene, after, exact)
-
-
 def _check_overlap(scene: Scene, after: State, exact: bool) -> float:
-    """Overlap area over the area of all bodies, by their outlines; zero without outlines."""
+    """Overlap area over that of all bodies, by their outlines, zero without; StepRejected if one lies too deep."""
     boundary, bodies = scene.outlines, len(scene.bodies)
     if (bodies == 1 and after.box is None) or boundary.point.size == 0:
         return 0.0

@@ -179,7 +179,8 @@ def _equilibrium(
             contacts = with_largest_forces(contacts, contacts_of(found.constraints, found.r, increment.dt))
         v = state.v.copy()
         v[:, scene.deformable_points] = increment.grid.at_points(increment.on_nodes(w))
-        return problem_of(replace(state, v=v, contacts=contacts))
+        problem = problem_of(replace(state, v=v, contacts=contacts))
+        return problem if problem is None or found is None else problem.after(found)
 
     return settle(increment, problem_at, kept, timer, increment.dt * fastest)
 

@@ -99,10 +99,8 @@ class ContactProblem:
         """The problem with other equations of the step, and without the operator of a factor that is not kept."""
         return replace(self, increment=increment, delassus=self.delassus if kept else None)
 
-    def after(self, contact: ContactIterate | None) -> ContactProblem:
+    def after(self, contact: ContactIterate) -> ContactProblem:
         """The problem of a solve that follows another one in the same step."""
-        if contact is None:
-            return self
         force = contact.constraints.forces(contact.r, self.increment.dt)
         return replace(self, known=KnownForces(contact.constraints.key, force))
 

@@ -90,12 +90,6 @@ class Gauge:
         return np.asarray(impulse - self.momentum * self._spread(self.moments(impulse) / self._inertia))
 
 
-def gauge_of(grid: BodyGrids, x: Array, mass: Array, bodies: Bools, dropped: Bools) -> Gauge:
-    """The condition for the bodies of a mask (bodies,), with nodes at x (2, nodes) [m]."""
-    arm = grid.arms(x, mass[::2]) * bodies[grid.node_body]
-    return Gauge(grid, np.stack([-arm[1], arm[0]], axis=1).ravel(), mass, dropped)
-
-
 def gauge_condition(
     scene: Scene, state: State, v0: Array, terms: Sequence[Term], dt: float, scheme: Scheme
 ) -> Gauge | None:
@@ -117,10 +111,10 @@ def gauge_condition(
     held = held & scene.deformable
     if not held.any():
         return None
-    assembly = state.grids.assembly
-    x = assembly.grid.position + state.displacement.reshape(-1, 2).T
+    grid, mass = state.grids.assembly.grid, state.grids.assembly.mass
+    arm = grid.arms(grid.position + state.displacement.reshape(-1, 2).T, mass[::2]) * held[grid.node_body]
     dropped = _unstable(state, interval) if scheme.inertia else held
-    gauge = gauge_of(assembly.grid, x, assembly.mass, held, dropped=dropped)
+    gauge = Gauge(grid, np.stack([-arm[1], arm[0]], axis=1).ravel(), mass, dropped)
     if callable(scene.gravity):
         for load in (term.load for term in terms if isinstance(term, DeadLoad)):
             gauge = gauge.among(~_turned(gauge, load))

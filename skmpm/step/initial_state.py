@@ -31,6 +31,7 @@ from skmpm.scene import (
 from skmpm.scheme import Scheme
 from skmpm.step.budget import kinetic_energy
 from skmpm.step.driven_walls import check_driven
+from skmpm.step.new_state import contacts_of
 from skmpm.step.periodic_box import velocity_of_box
 from skmpm.step.regrid import regridded_state
 from skmpm.step.rigid_bodies import rigid_state
@@ -132,8 +133,7 @@ def _initial_contacts(scene: Scene, state: State, scheme: Scheme) -> Contacts:
     motions = prescribed_velocities(scene, 0.0, dt, state.box)
     linearise = scheme.contact(scene, state, grid, dt, scheme.theta, motions, scheme.inertia)
     found = linearise(np.zeros(2 * grid.nodes))
-    no_force = np.zeros((2, found.size))
-    return Contacts(found.bodies, found.x, found.normal, no_force, found.gap, found.key, found.point, found.image)
+    return contacts_of(found, np.zeros_like(found.offset), dt)
 
 
 def check_scheme(name: str, scheme: object) -> None:

@@ -25,7 +25,8 @@ def terms_of(scene: Scene, state: State, start: Configuration, dt: float, scheme
     if _viscous(scene):
         yield ViscousBulk.in_step(start, dt, scheme.theta)
     if has_gravity(scene) or scene.dead_loads:
-        yield DeadLoad(external_force(scene, state, times[1]), _first_force(scene, state, scheme), state.displacement)
+        at_start = None if scheme.inertia else external_force(scene, state, times[0])  # only its work needs it
+        yield DeadLoad(external_force(scene, state, times[1]), at_start, state.displacement)
     if scene.pressures:
         yield follower_pressure(scene, state, *times)
     yield from springs_of(scene, state, (state.t, state.t + dt), scheme.theta)
@@ -35,11 +36,6 @@ def external_force(scene: Scene, state: State, t: float) -> Array:
     """Nodal forces of gravity and dead loads at time t, (2 nodes,) [N/m]."""
     own = scene.deformable_points
     return np.asarray(state.grids.assembly.grid.interpolation.T @ forces_on_points(scene, t)[:, own].T).ravel()
-
-
-def _first_force(scene: Scene, state: State, scheme: Scheme) -> Array | None:
-    """The forces at the start of a step, which only the work of one without inertia needs."""
-    return None if scheme.inertia else external_force(scene, state, state.t)
 
 
 def forces_on_points(scene: Scene, t: float) -> Array:

@@ -91,7 +91,6 @@ def settle(increment: Increment, problem_at: Problems, kept: Factor | None, time
                 break
             metric.adapt(moved)
         problem = problem_at(w, found.contact)
-        problem = None if problem is None else problem.after(found.contact)
     if not solved:
         raise StepRejected("all bodies", f"no solve of {MAX_SOLVES} succeeds, whatever the metric")
     body = int(np.argmax(np.where(travelled > FARTHEST, travelled, change.share)))
