@@ -14,7 +14,7 @@ from skmpm.preflight.quantities import Reading, ceiled, floored
 from skmpm.scene import Scene
 from skmpm.step.driven import driven_by_force, loaded_bodies
 from skmpm.step.initial_state import initial_motion
-from skmpm.step.rigid_edges import MIN_EDGE_RADIUS
+from skmpm.step.no_equilibrium import MIN_EDGE_RADIUS
 
 ROUND_ENOUGH = 1.02  # of the least radius: what is advised, since chords of an arc bend by a little more than the arc
 

@@ -21,7 +21,7 @@ from skmpm.preflight.quantities import Reading, ceiled, floored
 from skmpm.preflight.slopes import wide_contacts
 from skmpm.scheme import NEARLY_INCOMPRESSIBLE
 from skmpm.step.equations import LONG
-from skmpm.step.rigid_edges import MIN_EDGE_RADIUS
+from skmpm.step.no_equilibrium import MIN_EDGE_RADIUS
 from skmpm.stepping.step_length import MAX_APPROACH, STROKE
 from skmpm.stepping.watches import MAX_LINEAR_ROTATION
 

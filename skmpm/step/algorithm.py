@@ -30,9 +30,9 @@ from skmpm.step.gauge import gauge_condition
 from skmpm.step.initial_state import check_cohesion, check_scheme, touches
 from skmpm.step.new_state import contacts_of, end_state
 from skmpm.step.newton import Solution, advance
+from skmpm.step.no_equilibrium import indenting_edge_message
 from skmpm.step.regrid import check_connected, check_parts_apart, regridded_state
 from skmpm.step.report import report_of, unbalanced_ratio
-from skmpm.step.rigid_edges import indenting_edge_message
 from skmpm.step.scalar_unknowns import ScalarUnknowns
 from skmpm.step.scene_forces import equilibrium_depends_on_dt, terms_of
 from skmpm.step.start import configuration_at_start, scalar_unknowns, velocity_at_start
