@@ -158,15 +158,13 @@ class Constraints:
 
         They give the sliding velocity [m/s] and the rates of rotation and stretch of the second surface [1/s].
         """
-        slide, surface = (
-            components(self.difference[chosen], self.tangent[:, chosen]),
+        surface, normal, tangent = (
             self.geometry.tangent_shares[chosen],
+            self.normal[:, chosen],
+            self.tangent[:, chosen],
         )
-        return (
-            slide,
-            components(surface, self.normal[:, chosen]),
-            components(surface, self.tangent[:, chosen]),
-        )
+        slide = components(self.difference[chosen], tangent)
+        return slide, components(surface, normal), components(surface, tangent)
 
     @property
     def spread(self) -> Array:

@@ -10,6 +10,7 @@ import numpy as np
 from skmpm.arrays import Array, Bools, Ints
 from skmpm.contact.constraints import lookup
 from skmpm.contact.keys import guard_keys, lattice_code
+from skmpm.contact.motion import contact_reach
 from skmpm.contact.self_contact import SelfContact
 from skmpm.contact.shifts import Shifts
 from skmpm.outline import Cubics, Curve
@@ -130,27 +131,19 @@ class Neighbours:
 
 
 def neighbours(
-    scene: Scene,
-    surfaces: Images,
-    curve: Curve,
-    roles: Roles,
-    own: SelfContact,
-    x: Array,
-    reach: float,
-    margin: float,
-    pairs: Ints,
+    scene: Scene, surfaces: Images, start: Cubics, roles: Roles, own: SelfContact, margin: float, pairs: Ints
 ) -> Neighbours:
     """Candidates for contact of `pairs_of_bodies`: all points of that which gives them, corners of the other.
 
     Of two parts of one body that which comes first along the outline contributes the points. Pairs of images are not
     candidates, since each is a pair of a body and an image, too.
     """
-    boundary = curve.outlines
+    curve, x, reach = start.curve, start.x, contact_reach(scene)
     first, second = pairs
     contributes = roles.rank[first] < roles.rank[second]
     least = np.where(contributes, -1.0, SHARP_TURN / np.maximum(roles.spacing[second], 1e-300))
     bend = np.where(curve.sharp, 1e300, roles.bend)
-    point, segment = candidates(boundary, x, reach + margin, pairs, bend, least)
+    point, segment = candidates(curve.outlines, x, reach + margin, pairs, bend, least)
     itself = own.facing(x, reach + margin)
     if itself[0].size:
         kept = (itself[0] < itself[1]) | curve.sharp[itself[0]]
@@ -163,7 +156,7 @@ def neighbours(
     return Neighbours(
         surfaces=surfaces,
         roles=roles,
-        start=curve.through(x),
+        start=start,
         cell=scene.cell,
         reach=reach,
         point=point,

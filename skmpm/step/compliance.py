@@ -18,7 +18,6 @@ from skmpm.linear import Delassus, Solver
 from skmpm.linear.corrected import Joined, Rotated
 from skmpm.step.contact_problem import ContactIterate
 from skmpm.step.contact_stiffness import ContactStiffness
-from skmpm.step.scalar_unknowns import ScalarUnknowns
 
 
 @dataclass(frozen=True)
@@ -50,28 +49,22 @@ class Border:
 
 
 def with_bars(
-    W: sp.csr_array,
-    joining: Joined,
-    left: sp.csr_array,
-    right: sp.csr_array,
-    base: sp.csr_array,
-    theta: float,
-    k: int,
+    contact: ContactIterate, joining: Joined, W: sp.csr_array, left: sp.csr_array, right: sp.csr_array
 ) -> tuple[sp.csr_array, Border | None]:
-    """W of the rows `left` and `right` (m, 2 contact points) with bars, of k rows of contacts; what stays a border.
+    """W of the rows `left` and `right` (m, 2 contact points) with bars; what stays a border.
 
-    The inverse without bars gives W = theta L A^-1 R^T; they take off theta L Z D^-1 (R Z)^T. `base` (contact points,
-    nodes) interpolates the contact points.
+    The inverse without bars gives W = theta L A^-1 R^T; they take off theta L Z D^-1 (R Z)^T.
     """
-    at_points = sp.csr_array(sp.kron(base, np.eye(2), format="csr") @ joining.Z)
+    theta = contact.increment.scheme.theta
+    at_points = sp.csr_array(sp.kron(contact.constraints.base, np.eye(2), format="csr") @ joining.Z)
     moved, pushed = sp.csr_array(left @ at_points), sp.csr_array(right @ at_points)
-    if k <= coulomb.MAX_DENSE_ROWS:
+    if contact.r.size <= coulomb.MAX_DENSE_ROWS:
         return sp.csr_array(W - sp.csr_array(theta * joining.correction(moved, pushed))), None
     return W, Border(theta * moved, theta * pushed, sp.csr_array(-theta * joining.D), 0)
 
 
 def with_scalars(
-    contact: ContactIterate, unknowns: ScalarUnknowns, W: sp.csr_array, geometric: ContactStiffness | None
+    contact: ContactIterate, W: sp.csr_array, geometric: ContactStiffness | None
 ) -> tuple[sp.csr_array, Border | None]:
     """W with the response of the scalar unknowns to contacts; what stays a border.
 
@@ -84,7 +77,8 @@ def with_scalars(
             sp.csr_array(sp.vstack([contact.J, rows], format="csr"))
             for rows in (geometric.Z_scalars, geometric.acting_scalars)
         )
-    stiffness, border = unknowns.inertia.response / unknowns.inertia.theta, None
+    unknowns, border = contact.increment.scalars, None
+    stiffness = unknowns.inertia.response / unknowns.inertia.theta
     if unknowns.carrier is not None and contact.r.size > coulomb.MAX_DENSE_ROWS:
         few = unknowns.carrier.inertia.v0.size
         box, rest = contact.J[:, :few], stiffness[:few]
@@ -124,12 +118,11 @@ def delassus_matrix(
     if turned:
         left, right = (turned.turned_back(rows, owners) for rows in (left, right))
     W, delassus = delassus.between(left, right)
-    theta, bars, box = increment.scheme.theta, None, None
-    W = theta * W
+    W, bars, box = increment.scheme.theta * W, None, None
     if joining:
-        W, bars = with_bars(W, joining, left, right, constraints.base, theta, constraints.D.shape[0])
+        W, bars = with_bars(contact, joining, W, left, right)
     if increment.scalars.kinds:
-        W, box = with_scalars(contact, increment.scalars, W, geometric)
+        W, box = with_scalars(contact, W, geometric)
     return W, [border for border in (bars, box) if border is not None], delassus
 
 

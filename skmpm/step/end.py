@@ -125,7 +125,9 @@ def with_box_motion(increment: Increment, solution: Solution) -> tuple[Increment
 def end_of_step(increment: Increment, solution: Solution, motions: PrescribedVelocities) -> End:
     """The end of a solved step with prescribed velocities `motions`."""
     configuration = _configuration_at_end(increment, solution)
-    velocity, contact = _velocity_at_end(increment, solution), solution.contact
+    v0, contact = increment.v0, solution.contact
+    w = increment.with_scalars(increment.on_nodes(solution.w) + solution.spin, increment.of_scalars(solution.w))
+    velocity = np.asarray(v0 + (w - v0) / increment.theta)  # with what w lacks of momentum
     impulses = np.zeros(0) if contact is None else contact.r
     reaction = solution.reaction
     if increment.scheme.theta < 1.0:
@@ -148,10 +150,3 @@ def _configuration_at_end(increment: Increment, solution: Solution) -> Configura
     if increment.scheme.theta == 1.0 and increment.bulk.viscosity == 0.0:
         return solution.configuration.translated(displacement, scalars)
     return increment.bulk.at(displacement, scalars)
-
-
-def _velocity_at_end(increment: Increment, solution: Solution) -> Array:
-    """The velocity v1 at the end of the step, with what w lacks of momentum, (n,) [m/s]."""
-    v0 = increment.v0
-    w = increment.with_scalars(increment.on_nodes(solution.w) + solution.spin, increment.of_scalars(solution.w))
-    return np.asarray(v0 + (w - v0) / increment.theta)

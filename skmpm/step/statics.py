@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from skmpm.arrays import Array, Bools, Ints
+from skmpm.arrays import Array, Bools
 from skmpm.scene import between_bodies
 from skmpm.scene.report import Timer
 from skmpm.step.contact_problem import ContactIterate, ContactProblem
@@ -125,7 +125,6 @@ class _Metric:
     """The metric of the bodies; solves change its shares."""
 
     unit: Array  # (2 nodes,) metric of a share of one [kg/m]
-    node_body: Ints
     held: Bools  # (bodies,) whether supports prevent all rigid motions of the body
     share: Array  # (bodies,)
     least: Array  # (bodies,) after solves that failed
@@ -139,11 +138,11 @@ class _Metric:
         unit = np.repeat((modulus / motion.total)[grid.node_body] * motion.mass, 2)
         wanted = unheld / (MOTION * grid.cell / increment.dt * np.maximum(modulus, 1e-300))
         first, least = np.where(held, 0.0, np.clip(wanted, FIRST, LARGEST)), np.full(grid.bodies, LEAST)
-        return _Metric(unit, grid.node_body, held, first, least, np.zeros(grid.bodies))
+        return _Metric(unit, held, first, least, np.zeros(grid.bodies))
 
     def applied(self, increment: Increment, centre: Array, guess: Array) -> Increment:
         """The equations of a solve about a centre (n,), that begins at a guess (n,)."""
-        metric = self.unit * np.repeat(self.share[self.node_body], 2)
+        metric = self.unit * np.repeat(self.share[increment.grid.node_body], 2)
         return replace(increment, metric=metric, v0=centre, guess=guess)
 
     def raise_shares(self) -> bool:
