@@ -25,17 +25,13 @@ if TYPE_CHECKING:
 ENERGY_TOLERANCE = 5e-7  # over the largest energy: gain by tolerances and round-off (test_gauge)
 
 
-def _none() -> Array:
-    return np.zeros(2)
-
-
 @dataclass(frozen=True)
 class Budget:
     """Energies of one step [J/m], of a term of the balance or of all; pairs are those at its start and its end."""
 
-    kinetic: Array = field(default_factory=_none)  # (2,)
-    elastic: Array = field(default_factory=_none)  # (2,)
-    springs: Array = field(default_factory=_none)  # (2,) stored in springs
+    kinetic: Array = field(default_factory=lambda: np.zeros(2))  # (2,)
+    elastic: Array = field(default_factory=lambda: np.zeros(2))  # (2,)
+    springs: Array = field(default_factory=lambda: np.zeros(2))  # (2,) stored in springs
     external: float = 0.0  # work of loads, supports, walls, rigid bodies and moving ends of springs
     push_out: float = 0.0  # penetration correction: work of contact forces on initial overlaps that the step removes
     cohesion: float = 0.0  # work of cohesive contacts on open gaps, positive where these close
@@ -113,11 +109,11 @@ class Configuration:
             return self.given[1]
         return None if self.bulk is None else self.bulk.mean_dilatations(self.F)
 
-    def translated(self, displacement: Array, scalars: Array | None = None) -> Configuration:
+    def translated(self, displacement: Array, scalars: Array) -> Configuration:
         """The configuration after translations of bodies, which lead to a displacement (2 nodes,) [m]."""
         moved = copy(self)  # with what has been evaluated
         object.__setattr__(moved, "displacement", displacement)
-        object.__setattr__(moved, "scalars", np.zeros(0) if scalars is None else scalars)
+        object.__setattr__(moved, "scalars", scalars)
         return moved
 
     @cached_property

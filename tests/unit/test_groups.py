@@ -324,7 +324,7 @@ def test_a_translation_keeps_what_was_evaluated_and_changes_neither_energy_nor_f
     shift = CELL * rng.normal(size=(grid.bodies, 2))[grid.node_body].ravel()
     there = bulk.at(u)
     energy = bulk.energy(there)
-    moved, anew = there.translated(u + shift), bulk.at(u + shift)
+    moved, anew = there.translated(u + shift, there.scalars), bulk.at(u + shift)
     assert np.array_equal(moved.displacement, anew.displacement) and np.array_equal(there.displacement, u)
     assert moved.responses is there.responses and bulk.energy(moved) == energy
     assert bulk.energy(anew) == pytest.approx(energy, rel=1e-10)
