@@ -21,7 +21,6 @@ from skmpm.material import (
     in_step,
     is_linear,
     response,
-    viscosity_of,
 )
 from skmpm.step.terms import Budget, Configuration, Path, Term
 
@@ -75,11 +74,6 @@ class Bulk(Term):
     def modulus(self) -> float:
         """Largest lambda + 2 mu of the materials [Pa]."""
         return max((sum(material.lame) + material.lame[1] for material, _ in self.materials), default=0.0)
-
-    @property
-    def viscosity(self) -> float:
-        """Largest viscosity of the materials [Pa s]."""
-        return max((viscosity_of(material) for material, _ in self.materials), default=0.0)
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:

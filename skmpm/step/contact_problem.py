@@ -162,7 +162,6 @@ class ContactIterate:
     u: Array  # relative velocities at w, with gaps over dt
     moving: Array  # w with what a periodic box adds, (n,) [m/s]
     iterations: int = 0  # of the contact solver in this step
-    stiffness_failures: int = 0  # contact solves with geometric stiffness that did not converge
 
     @property
     def increment(self) -> Increment:
@@ -252,8 +251,7 @@ class ContactIterate:
 
     def at(self, w: Array) -> ContactIterate:
         """The contact problem linearised about another velocity."""
-        found = self.problem.at(w)
-        return replace(found, iterations=self.iterations, stiffness_failures=self.stiffness_failures)
+        return replace(self.problem.at(w), iterations=self.iterations)
 
     def with_delassus(self, delassus: Delassus | None) -> ContactIterate:
         """The iterate with another Delassus operator; without one before its solver is released."""

@@ -82,19 +82,19 @@ class _Linearised:
         contact solver does not converge with all of it, it tries half of it, from the solution without.
         """
         if geometric is None:
-            return self._without(self._impulses(None, self.contact.lifted), 0, 0)
+            return self._without(self._impulses(None, self.contact.lifted), 0)
         found = self._impulses(geometric, self.contact.lifted)
         if found.worst is None and (usable := self._usable(geometric, found, 0)):
             return usable
         without = self._impulses(None, self.contact.lifted)
-        failed, iterations = found.worst is not None, found.iterations
-        if failed and without.worst is None:
+        iterations = found.iterations
+        if found.worst is not None and without.worst is None:
             start = self.contact.constraints.lifted(without.r, self.contact.increment.dt)
             half = self._impulses(geometric.softer(0.5), start)
             if half.worst is None and (usable := self._usable(geometric, half, iterations + without.iterations)):
                 return usable
             iterations += half.iterations
-        return self._without(without, iterations, int(failed))
+        return self._without(without, iterations)
 
     def _usable(self, geometric: ContactStiffness, found: _Impulses, iterations: int) -> Direction | None:
         """The direction of impulses with geometric stiffness; None if that cancels the quadratic form of A."""
@@ -108,10 +108,10 @@ class _Linearised:
         if softening > float(direction @ (impulse - self.gradient)):
             return None
         r = geometric.rotated_impulses(found.r, found.rho) if constraints.tangential else found.r
-        return Direction(self._after(r, found.scale, iterations + found.iterations, 0), direction, impulse)
+        return Direction(self._after(r, found.scale, iterations + found.iterations), direction, impulse)
 
-    def _without(self, found: _Impulses, iterations: int, failures: int) -> Direction:
-        """The direction of impulses without the geometric stiffness, after iterations and failures of the solver."""
+    def _without(self, found: _Impulses, iterations: int) -> Direction:
+        """The direction of impulses without the geometric stiffness, after iterations of the solver with it."""
         constraints = self.contact.constraints
         if found.worst is not None:
             bodies, tol = constraints.bodies[:, found.worst], self.contact.increment.scheme.contact_tol
@@ -122,7 +122,7 @@ class _Linearised:
                 f" {found.residual:.2g} (tolerance {tol:g}) here",
                 NOTHING_DEFORMS if rigid else SMALLER,
             )
-        contact = self._after(found.r, found.scale, iterations + found.iterations, failures)
+        contact = self._after(found.r, found.scale, iterations + found.iterations)
         return Direction(contact, self._direction(contact.impulse), contact.impulse)
 
     def _direction(self, impulse: Array) -> Array:
@@ -133,7 +133,7 @@ class _Linearised:
         increment = self.contact.increment
         return increment.limited(self.with_known + increment.solved(self.solver, impulse - self.contact.impulse))
 
-    def _after(self, r: Array, scale: ContactScale, iterations: int, failures: int) -> ContactIterate:
+    def _after(self, r: Array, scale: ContactScale, iterations: int) -> ContactIterate:
         """The contact problem with the impulses of the solve, which are known from now on."""
         contact, constraints = self.contact, self.contact.constraints
         known = KnownForces(constraints.key, constraints.forces(r, contact.increment.dt), constraints.normal, scale)
@@ -142,7 +142,6 @@ class _Linearised:
             problem=replace(contact.problem, known=known),
             r=r,
             iterations=contact.iterations + iterations,
-            stiffness_failures=contact.stiffness_failures + failures,
         )
 
     def _impulses(self, geometric: ContactStiffness | None, start: Array) -> _Impulses:

@@ -45,7 +45,6 @@ class ContactStiffness:
 
     contacts: Ints  # (l,) indices among the constraints
     friction_ratio: Array  # (l,) m, tangential over normal impulse; zero without friction
-    sliding: Ints  # (t,) indices among the constraints
     Z: sp.csr_array  # (2 l + t, 2 contact points) from velocities to rates of tau, of beta, then of turns
     # (2 l + t, 2 contact points) directions in which rho acts; equal to Z where there is no friction
     acting: sp.csr_array
@@ -129,7 +128,7 @@ def contact_stiffness(
         )
     compliance = sp.csr_array(sp.block_diag([part.compliance for part in parts], format="csr"))
     ratio, negative = _friction_ratio(constraints, r, chosen), sum(part.negative for part in parts)
-    return ContactStiffness(chosen, ratio, sliding, Z, acting, Z_scalars, acting_scalars, compliance, negative)
+    return ContactStiffness(chosen, ratio, Z, acting, Z_scalars, acting_scalars, compliance, negative)
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ import scipy.sparse as sp
 
 from skmpm import coulomb
 from skmpm.arrays import EXACT, Array, Bools
+from skmpm.material import viscosity_of
 from skmpm.scene import PrescribedVelocities
 from skmpm.step.contact_problem import ContactIterate
 from skmpm.step.equations import Increment
@@ -147,6 +148,6 @@ def _configuration_at_end(increment: Increment, solution: Solution) -> Configura
     """
     moved = increment.dt * solution.w
     displacement, scalars = increment.displacement_at_start + increment.on_nodes(moved), increment.of_scalars(moved)
-    if increment.scheme.theta == 1.0 and increment.bulk.viscosity == 0.0:
+    if increment.scheme.theta == 1.0 and not any(viscosity_of(material) for material, _ in increment.bulk.materials):
         return solution.configuration.translated(displacement, scalars)
     return increment.bulk.at(displacement, scalars)

@@ -89,13 +89,10 @@ class Configuration:
     displacement: Array  # (2 nodes,) [m]
     bulk: Bulk | None = field(default=None, repr=False, compare=False)
     scalars: Array = field(default_factory=lambda: np.zeros(0))  # (p,) of scalar unknowns in the step [m]
-    given: tuple[Array, Array | None] | None = None  # F and dilatation that do not follow from the displacement
 
     @cached_property
     def F(self) -> Array:
         """Deformation gradients, (2, 2, n)."""
-        if self.given is not None:
-            return self.given[0]
         assert self.bulk is not None
         F = self.bulk.assembly.grid.strain_at_points(self.displacement)
         F[0, 0] += 1.0
@@ -105,8 +102,6 @@ class Configuration:
     @cached_property
     def dilatation(self) -> Array | None:
         """Mean dilatation of each cell at its points (n,), nan where it is pointwise; None if everywhere."""
-        if self.given is not None:
-            return self.given[1]
         return None if self.bulk is None else self.bulk.mean_dilatations(self.F)
 
     def translated(self, displacement: Array, scalars: Array) -> Configuration:
