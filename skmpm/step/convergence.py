@@ -15,9 +15,9 @@ from skmpm.step.matrix import check_stiffness
 from skmpm.step.rotation import MAX_DRIFT
 from skmpm.step.terms import Configuration
 
-# Iterations with contacts after which it is given up unless one of them came closer to convergence: two to four are
-# usual; contacts that snap by a cell take 20 to 30, most of them on a plateau of up to eight. From 10 to 40
-# tests pass.
+# Iterations with contacts, and a mass or a metric, after which it is given up unless one of them came closer to
+# convergence: two to four are usual; contacts that snap by a cell take 20 to 30, most of them on a plateau of up to
+# eight. From 10 to 40 tests pass.
 PATIENCE = 20
 
 
@@ -29,12 +29,6 @@ class Persistence:
     patience: int
     closest: float = np.inf  # distance from convergence
     progress: int = 0  # the iteration in which it was reached
-
-    @classmethod
-    def for_equations(cls, increment: Increment, *, in_contact: bool) -> Persistence:
-        """At most `max_newton` iterations; with contacts and a mass or a metric `PATIENCE` without progress."""
-        most = increment.scheme.max_newton
-        return cls(most, PATIENCE if in_contact and increment.mass.any() else most)
 
     def ends(self, iteration: int, distance: float) -> bool:
         """Whether it ends; a full step more balances the momentum of a converged iterate."""

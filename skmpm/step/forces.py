@@ -92,8 +92,7 @@ class FollowerPressure(Term):
 
     def frozen(self, at: Configuration) -> Term:
         """The forces at a configuration, as a dead load."""
-        load = -self.force(at)
-        return DeadLoad(load, None, at.displacement)
+        return DeadLoad(-self.force(at), None, at.displacement)
 
     def budget(self, path: Path) -> Budget:
         """The work: p times the change of an area, quadratic in displacements: the force halfway gives it exactly."""

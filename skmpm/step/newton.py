@@ -17,7 +17,7 @@ from skmpm.material import determinant
 from skmpm.scene.report import Timer
 from skmpm.step.contact_problem import ContactIterate, ContactProblem
 from skmpm.step.contact_solve import solve
-from skmpm.step.convergence import Balance, Persistence, not_converged
+from skmpm.step.convergence import PATIENCE, Balance, Persistence, not_converged
 from skmpm.step.equations import Increment
 from skmpm.step.errors import StepRejected, at_node
 from skmpm.step.factor import Factor, Refactorisation, factorise
@@ -58,7 +58,8 @@ def advance(increment: Increment, problem: ContactProblem | None, kept: Factor |
     w, configuration = admissible_guess(increment)
     contact = None if problem is None else problem.at(w)
     iterate = _Iterate(increment, w, configuration, contact, kept, np.zeros_like(w))
-    persistence = Persistence.for_equations(increment, in_contact=problem is not None)
+    most = increment.scheme.max_newton
+    persistence = Persistence(most, PATIENCE if contact is not None and increment.mass.any() else most)
     while True:
         balance = Balance.at(increment, iterate.w, iterate.configuration, iterate.contact)
         converged = balance.distance <= 1.0 and iterate.iteration > 0  # the initial guess is no solution
