@@ -360,8 +360,13 @@ def test_a_cohesive_packing_stays_a_clump():
 def test_without_cohesion_nothing_of_it_runs(monkeypatch):
     """Zero cohesion never asks for lengths or shifts a cone, a range without cohesion changes nothing."""
 
+    lifted = contact.Constraints.lifted
+
     def fail(*_):
         raise AssertionError("called without cohesion")
+
+    def unchanged(constraints, r, dt):
+        return r if lifted(constraints, r, dt) is r else fail()
 
     def run(**law):
         scene = Scene([block(-HEIGHT), block(0.0, velocity=(0.0, -0.1))], cell=CELL, friction=0.5, **law)
@@ -369,7 +374,7 @@ def test_without_cohesion_nothing_of_it_runs(monkeypatch):
 
     with monkeypatch.context() as patch:
         patch.setattr(contact.boundary, "tensile_strength", fail)
-        patch.setattr(contact.Constraints, "_plus", fail)
+        patch.setattr(contact.Constraints, "lifted", unchanged)
         plain, ranged = run(), run(cohesion_range=0.3 * CELL)
         with pytest.raises(AssertionError, match="without cohesion"):
             run(cohesion=1.0)
