@@ -5,7 +5,6 @@ Contacts enter it that may close and whose gap can change: the candidates.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -143,13 +142,15 @@ class ContactProblem:
         """The contact problem linearised about the velocity w (n,), with the known impulses."""
         self.timer.lap("bulk")
         increment, r, u = self.increment, np.zeros(0), np.zeros(0)
+        J = sp.csr_array((0, increment.of_scalars(w).size))
         moving = increment.with_box_motion(w, w)
         constraints = self.active_at(moving)
         if constraints.size > 0:
             r = self.known.on(constraints, increment.dt)
             u = constraints.D @ constraints.at_contact_points(increment.on_nodes(moving)) + constraints.offset
+            J = increment.scalars.rows(increment.of_scalars(moving), constraints, constraints.directions)
         self.timer.lap("detection")
-        return ContactIterate(self, constraints, r, u, moving)
+        return ContactIterate(self, constraints, r, u, moving, J)
 
 
 @dataclass(frozen=True)
@@ -161,6 +162,7 @@ class ContactIterate:
     r: Array  # impulses (k,) or (2 k,) [kg m/s per m]
     u: Array  # relative velocities at w, with gaps over dt
     moving: Array  # w with what a periodic box adds, (n,) [m/s]
+    J: sp.csr_array  # the columns of H for the scalar unknowns, (rows of H, p)
     iterations: int = 0  # of the contact solver in this step
 
     @property
@@ -168,26 +170,15 @@ class ContactIterate:
         """The equations of the step without contact."""
         return self.problem.increment
 
-    @cached_property
-    def J(self) -> sp.csr_array:
-        """The columns of H for the scalar unknowns, (rows of H, p)."""
-        return self.scalar_rows(self.constraints.directions)
-
-    def scalar_rows(self, directions: Sequence[Array]) -> sp.csr_array:
-        """From the scalar unknowns to relative velocities along d directions (2, k), (d k, p)."""
-        increment = self.increment
-        return increment.scalars.rows(increment.of_scalars(self.moving), self.constraints, directions)
-
     @property
     def scalar_motion(self) -> ScalarMotion | None:
         """The motion of surfaces by the scalar unknowns; None where there are none."""
-        increment, constraints = self.increment, self.constraints
-        scalars = increment.scalars
+        constraints, scalars, z = self.constraints, self.increment.scalars, self.increment.of_scalars(self.moving)
         if not scalars.kinds:
             return None
         first, second = (scalars.spins(constraints, side) for side in range(2))
-        turning, arms = scalars.turning(increment.of_scalars(self.moving), constraints)
-        return ScalarMotion(self.scalar_rows([constraints.tangent]), (first, second), turning, arms)
+        turning, arms = scalars.turning(z, constraints)
+        return ScalarMotion(scalars.rows(z, constraints, [constraints.tangent]), (first, second), turning, arms)
 
     @property
     def elastic_shares(self) -> Array | float:
@@ -198,7 +189,7 @@ class ContactIterate:
         unknowns = self.increment.scalars
         if not unknowns.kinds or unknowns.inertia.mass.any():
             return 1.0
-        return np.where(driven(self.scalar_rows([self.constraints.normal])), RESPONSE, 1.0)
+        return np.where(driven(self.J[:: len(self.constraints.directions)]), RESPONSE, 1.0)
 
     @cached_property
     def impulse(self) -> Array:

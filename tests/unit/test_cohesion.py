@@ -359,7 +359,6 @@ def test_a_cohesive_packing_stays_a_clump():
 
 def test_without_cohesion_nothing_of_it_runs(monkeypatch):
     """Zero cohesion never asks for lengths or shifts a cone, a range without cohesion changes nothing."""
-
     lifted = contact.Constraints.lifted
 
     def fail(*_):
