@@ -53,7 +53,7 @@ def watches_of(scene: Scene, scheme: Scheme, state: State, times: Array | None) 
     yield _regridding
     linear = np.flatnonzero([any(map(is_linear, body.materials)) for body in scene.bodies])
     if linear.size:
-        yield partial(_rotation, linear)
+        yield _Rotation(linear, state)
     if times is None:
         yield _Stroke(scene, state.t)
     elif scheme.inertia:
@@ -108,17 +108,25 @@ def _regridding(state: State) -> str:
     )
 
 
-def _rotation(linear: Ints, state: State) -> str:
-    """Find the body of a linear material, of some, that has turned most: a rotation by a changes its area by a^2."""
-    now, before = (_rotations(F, state.body) for F in (state.F, state.F_anchor))
-    turned = np.abs(np.angle(now * before.conj()))
-    b = int(linear[np.argmax(turned[linear])])
-    if turned[b] <= MAX_LINEAR_ROTATION:
-        return ""
-    return (
-        f"body {b}: at t = {state.t:.6g} s it has turned by {turned[b]:.2g} rad, which its linear material takes"
-        f" for a strain of {0.5 * turned[b] ** 2:.2g}: use NeoHookean with the same constants"
-    )
+class _Rotation:
+    """Finds the body of a linear material, of some, that has turned most: a rotation by a changes its area by a^2."""
+
+    def __init__(self, linear: Ints, state: State) -> None:
+        self._linear = linear
+        self._anchor = state.F_anchor  # the last one
+        self._before = _rotations(state.F_anchor, state.body)  # of bodies in it
+
+    def __call__(self, state: State) -> str:
+        if state.F_anchor is not self._anchor:
+            self._anchor, self._before = state.F_anchor, _rotations(state.F_anchor, state.body)
+        turned = np.abs(np.angle(_rotations(state.F, state.body) * self._before.conj()))
+        b = int(self._linear[np.argmax(turned[self._linear])])
+        if turned[b] <= MAX_LINEAR_ROTATION:
+            return ""
+        return (
+            f"body {b}: at t = {state.t:.6g} s it has turned by {turned[b]:.2g} rad, which its linear material takes"
+            f" for a strain of {0.5 * turned[b] ** 2:.2g}: use NeoHookean with the same constants"
+        )
 
 
 def _rotations(F: Array, body: Ints) -> NDArray[np.complexfloating]:
