@@ -181,7 +181,7 @@ def _constants(scene: Scene) -> dict[str, NDArray[Any]]:
         "body": scene.owner,
         "deformable": scene.deformable,
         "boundary_points": scene.outlines.point,
-        "held_points": np.flatnonzero((scene.supporting >= 0).any(axis=0)),
+        "held_points": scene.held_points,
     }
 
 

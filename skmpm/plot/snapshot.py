@@ -69,7 +69,7 @@ def of_state(scene: Scene, state: State) -> Snapshot:
         owner=scene.owner,
         deformable=scene.deformable,
         boundary_points=place,
-        held=np.flatnonzero((scene.supporting >= 0).any(axis=0)),
+        held=scene.held_points,
         walls=state.walls,
         wall_normals=state.wall_normals,
         box=state.box,

@@ -132,6 +132,11 @@ class Model(Layout):
         return number
 
     @cached_property
+    def held_points(self) -> Ints:
+        """The points of which supports prescribe a component, (m,)."""
+        return np.flatnonzero((self.supporting >= 0).any(axis=0))
+
+    @cached_property
     def dead_loads(self) -> Sequence[Load]:
         """The loads that keep their direction."""
         return tuple(load for load in self.loads if isinstance(load, Load))

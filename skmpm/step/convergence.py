@@ -10,7 +10,7 @@ from skmpm.arrays import Array
 from skmpm.linear import NotPositiveDefinite
 from skmpm.step.contact_problem import ContactIterate
 from skmpm.step.equations import Increment
-from skmpm.step.errors import StepRejected, at_node, too_few_points, worst_body
+from skmpm.step.errors import StepRejected, at_point, too_few_points, worst_body
 from skmpm.step.matrix import check_stiffness
 from skmpm.step.rotation import MAX_DRIFT
 from skmpm.step.terms import Configuration
@@ -112,7 +112,7 @@ def not_definite(increment: Increment, configuration: Configuration, error: np.l
     worst = int(np.argmax(np.where(grid.cell_body[grid.cell_of_point] == error.bodies[0], strain, -1.0)))
     most, least = stretches[worst]
     return StepRejected(
-        at_node(grid, int(grid.nodes_of_cell[0, grid.cell_of_point[worst]]), configuration.displacement),
+        at_point(grid, worst, configuration.displacement),
         f"its matrix is not positive definite as it is deformed, with stretches of {least:.3g} and {most:.3g} here",
         "use a law that does not soften at these strains, smaller loads, or a smaller dt",
     )

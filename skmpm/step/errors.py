@@ -36,6 +36,11 @@ def at_node(grid: BodyGrids, node: int, displacement: Array) -> str:
     return f"body {grid.node_body[node]} near {place(x, grid.cell)}"
 
 
+def at_point(grid: BodyGrids, point: int, displacement: Array) -> str:
+    """The body of a point, and the position of a corner of its cell, as text."""
+    return at_node(grid, int(grid.nodes_of_cell[0, grid.cell_of_point[point]]), displacement)
+
+
 def worst_body(grid: BodyGrids, imbalance: Array, displacement: Array) -> tuple[str, float]:
     """The body with the largest share of an out-of-balance impulse (2 nodes,) and its worst node; and that share."""
     square = np.nan_to_num(imbalance, nan=np.inf).reshape(-1, 2).T ** 2

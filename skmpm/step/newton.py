@@ -19,7 +19,7 @@ from skmpm.step.contact_problem import ContactIterate, ContactProblem
 from skmpm.step.contact_solve import solve
 from skmpm.step.convergence import PATIENCE, Balance, Persistence, not_converged
 from skmpm.step.equations import Increment
-from skmpm.step.errors import StepRejected, at_node
+from skmpm.step.errors import StepRejected, at_point
 from skmpm.step.factor import Factor, Refactorisation, factorise
 from skmpm.step.line_search import search
 from skmpm.step.matrix import solver_of
@@ -115,8 +115,7 @@ def admissible_guess(increment: Increment) -> tuple[Array, Configuration]:
     if increment.supports is None:
         return rest, configuration
     worst = int(np.argmin(determinant(trial.F)))
-    node = increment.grid.nodes_of_cell[0, increment.grid.cell_of_point[worst]]
-    where = at_node(increment.grid, int(node), increment.displacement_at_start)
+    where = at_point(increment.grid, worst, increment.displacement_at_start)
     raise StepRejected(where, "the supports move so far in one step that points are inverted (det F <= 0)")
 
 

@@ -143,7 +143,7 @@ class StressedBox(Unknowns):
 def _held(scene: Scene) -> Bools:
     """Bodies that supports or springs hold, (bodies,): moving with the box would change the forces of springs."""
     held = np.zeros(len(scene.bodies), dtype=bool)
-    held[scene.owner[(scene.supporting >= 0).any(axis=0)]] = True
+    held[scene.owner[scene.held_points]] = True
     for ends in scene.sprung:
         for place in ends.sets:
             held[scene.owner[place.points]] = True
