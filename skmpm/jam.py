@@ -13,10 +13,10 @@ from skmpm.moduli import check_packing, strained
 from skmpm.observe import Observables, observe
 from skmpm.representation import line, quantity
 from skmpm.scene import Scene, SceneError, State, StepFailed, at_rest
-from skmpm.scene.values import number, positive
 from skmpm.scheme import Scheme
 from skmpm.step.algorithm import step
 from skmpm.step.initial_state import initial
+from skmpm.values import number, positive
 
 _log = logging.getLogger("skmpm")
 

@@ -11,10 +11,10 @@ from skmpm.arrays import ROUND_OFF, Array, Bools
 from skmpm.observe import observe
 from skmpm.representation import line, quantity
 from skmpm.scene import Periodic, Scene, SceneError, State, StepFailed, at_rest, check_fits, check_scene
-from skmpm.scene.values import number
 from skmpm.scheme import Scheme
 from skmpm.step.algorithm import step
 from skmpm.step.driven import driven
+from skmpm.values import number
 
 # Stress differences are a hundred-thousandth of the moduli: solves are as much more accurate than in a run.
 STATIC = Scheme(inertia=False, newton_tol=1e-8, gap_tol=1e-9, contact_tol=1e-9)

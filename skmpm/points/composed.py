@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from skmpm.arrays import Array, Ints
 from skmpm.points.cloud import Points
-from skmpm.points.shapes import point
+from skmpm.values import vector
 
 
 def joined(parts: Sequence[Points]) -> Points:
@@ -86,7 +86,7 @@ def row(part: Points, count: int, step: ArrayLike) -> Points:
         raise ValueError(f"row: part is a {type(part).__name__}; give Points, as disc(...)")
     if not (isinstance(count, int | np.integer) and count >= 1):
         raise ValueError(f"count is {count!r}; give an integer of one or more")
-    apart = point("step", step)[:, None]
+    apart = vector("step", step)[:, None]
     if not apart.any():
         raise ValueError(
             f"step is {step!r}; give the vector from each copy to the next, so long that they do not overlap"

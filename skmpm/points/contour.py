@@ -16,7 +16,7 @@ from skmpm.outline.tips import tip_angles
 from skmpm.outline.widths import thickness
 from skmpm.points.cloud import Points, check_crossings, encloses, signed_area
 from skmpm.points.fill import FINE, FINE_IN_SPACING, Curve, consecutive, filled, rounded
-from skmpm.points.shapes import not_negative, positive
+from skmpm.values import LENGTH, not_negative, positive
 
 # Spacings to either side of a vertex over which its turn is taken, and from corner to corner: the steps of a contour
 # along pixels of 0.2 spacings make at most two corners, those of 0.3 make 26 of 209 points.
@@ -78,8 +78,8 @@ def from_outline(
     >>> round(float(1e6 * points.volume.sum()), 3)
     4.0
     """
-    h = positive("spacing", spacing)
-    r, window = not_negative("rounding", rounding), not_negative("smoothing", smoothing)
+    h = positive("spacing", spacing, LENGTH)
+    r, window = not_negative("rounding", rounding, LENGTH), not_negative("smoothing", smoothing, LENGTH)
     loops = _loops(vertices, h)
     if window > 0.0:
         loops = _smoothed(loops, window, h)

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from skmpm.arrays import Array
 from skmpm.points.cloud import Points
 from skmpm.points.fill import Curve, filled, rounded
-from skmpm.points.shapes import numbers, point, positive
+from skmpm.values import LENGTH, number, positive, vector
 
 ORIGIN = np.zeros((2, 1))
 
@@ -41,7 +41,7 @@ def ellipse(centre: ArrayLike, semi_axes: ArrayLike, *, spacing: float, angle: f
     >>> round(float(1e6 * points.volume.sum()), 3)
     6.283
     """
-    a, b = (positive("semi_axes", value) for value in point("semi_axes", semi_axes).tolist())
+    a, b = (positive("semi_axes", value, LENGTH) for value in vector("semi_axes", semi_axes).tolist())
 
     def curve(s: Array) -> Array:
         return np.stack([a * np.cos(2.0 * np.pi * s), b * np.sin(2.0 * np.pi * s)])
@@ -78,7 +78,7 @@ def capsule(centre: ArrayLike, length: float, radius: float, *, spacing: float, 
     >>> round(float(1e6 * points.volume.sum()), 3)
     7.142
     """
-    L, R = positive("length", length), positive("radius", radius)
+    L, R = positive("length", length, LENGTH), positive("radius", radius, LENGTH)
     x, y = L / 2.0 + R, R
     curve, _, area = rounded(np.array([[x, -x, -x, x], [y, y, -y, -y]]), R, ORIGIN)
     return _filled(curve, area, centre, spacing, angle)
@@ -117,7 +117,7 @@ def polygon(
     >>> round(float(1e6 * points.volume.sum()), 3)
     2.585
     """
-    R, r = positive("radius", radius), positive("rounding", rounding)
+    R, r = positive("radius", radius, LENGTH), positive("rounding", rounding, LENGTH)
     if not (isinstance(sides, int | np.integer) and sides >= 3):
         raise ValueError(f"sides is {sides!r}; give an integer of three or more")
     inradius = R * np.cos(np.pi / sides)
@@ -133,6 +133,6 @@ def _filled(curve: Curve, area: float, centre: ArrayLike, spacing: float, angle:
 
     All of `alike` parts of the curve have as many boundary points, so that regular shapes have no long axis.
     """
-    c, h = point("centre", centre), positive("spacing", spacing)
-    turn = float(numbers("angle", angle, (), "give a finite number"))
+    c, h = vector("centre", centre), positive("spacing", spacing, LENGTH)
+    turn = number("angle", angle, "give a finite number")
     return filled([(curve, np.arange(alike) / alike)], area, h, ORIGIN).placed(c, turn, about=(0.0, 0.0))

@@ -7,7 +7,8 @@ from numpy.typing import ArrayLike
 
 from skmpm.arrays import Array
 from skmpm.points.cloud import Points
-from skmpm.points.shapes import check_number, point, positive
+from skmpm.points.shapes import check_number
+from skmpm.values import LENGTH, positive, vector
 
 
 def disc(centre: ArrayLike, radius: float, *, spacing: float) -> Points:
@@ -43,8 +44,8 @@ def disc(centre: ArrayLike, radius: float, *, spacing: float) -> Points:
     >>> round(float(1e6 * points.volume.sum()), 3)
     3.142
     """
-    c, R = point("centre", centre), positive("radius", radius)
-    h = positive("spacing", spacing)
+    c, R = vector("centre", centre), positive("radius", radius, LENGTH)
+    h = positive("spacing", spacing, LENGTH)
     check_number(np.pi * R**2, h)
     return _rings(c, R * np.linspace(0.0, 1.0, max(1, round(R / h)) + 1), h)
 
@@ -81,8 +82,8 @@ def ring(centre: ArrayLike, inner: float, outer: float, *, spacing: float) -> Po
     >>> round(float(1e6 * points.volume.sum()), 3)
     9.425
     """
-    c, h = point("centre", centre), positive("spacing", spacing)
-    a, b = positive("inner", inner), positive("outer", outer)
+    c, h = vector("centre", centre), positive("spacing", spacing, LENGTH)
+    a, b = positive("inner", inner, LENGTH), positive("outer", outer, LENGTH)
     if a >= b:
         raise ValueError(f"inner is {a:g} and outer {b:g}; give an inner radius below the outer one")
     check_number(np.pi * (b**2 - a**2), h)

@@ -1,4 +1,4 @@
-"""Boxes: points within and on the boundary; and checks of what shapes are made of."""
+"""Boxes: points within and on the boundary; and a check of the number of points of shapes."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from skmpm.arrays import Array
 from skmpm.points.cloud import Points
+from skmpm.values import LENGTH, positive, vector
 
 MOST = 2e7  # points of a body, whose run needs 24 GB
 
@@ -44,8 +45,8 @@ def box(corner: ArrayLike, size: ArrayLike, *, spacing: float) -> Points:
     >>> round(float(1e6 * points.volume.sum()), 3)
     2.0
     """
-    c, h = point("corner", corner), positive("spacing", spacing)
-    width, height = (positive("size", length) for length in point("size", size).tolist())
+    c, h = vector("corner", corner), positive("spacing", spacing, LENGTH)
+    width, height = (positive("size", length, LENGTH) for length in vector("size", size).tolist())
     check_number(width * height, h)
     (x, u), (y, v) = (_radau_interval(length, h) for length in (width, height))
     index = np.arange(x.size * y.size).reshape(x.size, y.size)
@@ -70,29 +71,3 @@ def check_number(area: float, spacing: float) -> None:
             f"spacing is {spacing:g}, at which an area of {area:.3g} has {number:.0e} points; give both in the same"
             " unit, metres, or a larger spacing"
         )
-
-
-def positive(name: str, value: ArrayLike) -> float:
-    """The value; ValueError if it is not a finite number above zero."""
-    return float(numbers(name, value, (), "give a finite number > 0", least=np.nextafter(0.0, 1.0)))
-
-
-def not_negative(name: str, value: ArrayLike) -> float:
-    """The value; ValueError if it is not zero or a finite number above it."""
-    return float(numbers(name, value, (), "give 0 or a positive number", least=0.0))
-
-
-def point(name: str, value: ArrayLike) -> Array:
-    """The value as an array (2,); ValueError if it is not two finite numbers."""
-    return numbers(name, value, (2,), "give two finite numbers")
-
-
-def numbers(name: str, value: ArrayLike, shape: tuple[int, ...], remedy: str, least: float = -np.inf) -> Array:
-    """The value as an array of a shape; ValueError, with the remedy, if it is not finite numbers from `least` on."""
-    try:
-        array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        array = np.full(shape, np.nan)
-    if array.shape != shape or not (np.isfinite(array) & (array >= least)).all():
-        raise ValueError(f"{name} is {value!r}; {remedy}")
-    return array

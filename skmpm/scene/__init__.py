@@ -25,8 +25,8 @@ from skmpm.scene.report import Energy, Report, StepControl
 from skmpm.scene.scene import Scene
 from skmpm.scene.stages import at_rest, continued
 from skmpm.scene.state import Contacts, Derived, Factored, State, StepFailed, between_bodies, pair_numbers
-from skmpm.scene.values import SceneError, field_values, motion
 from skmpm.scene.walls_in_view import view_of, wall_lines
+from skmpm.values import SceneError, field_values, motion
 
 __all__ = [
     "MAX_OVERLAP",

@@ -18,7 +18,7 @@ from skmpm.scene.model import Model
 from skmpm.scene.objects import Body, Wall, rigid_motion
 from skmpm.scene.periodic import Periodic
 from skmpm.scene.prescribed import gravity_at
-from skmpm.scene.values import SceneError, field_values, motion, not_negative, number, positive, scalar, vector
+from skmpm.values import LENGTH, SceneError, field_values, motion, not_negative, number, positive, scalar, vector
 
 MAX_AREA_RATIO = 1.5  # of the points' volume and the area in their outline, which may exclude half a spacing
 TOUCHING = 1e-3  # [cells] overlap at the start up to which things touch
@@ -31,8 +31,8 @@ def check(scene: Model) -> None:
         raise SceneError("the scene has no bodies; give at least one Body")
     positive("cell", scene.cell, "a cell size in metres, about a fifth of the smallest radius")
     not_negative("cohesion between bodies", scene.cohesion, "a stress in Pa")
-    not_negative("cohesion_range", scene.cohesion_range, "a length in metres")
-    not_negative("overlap", scene.overlap, "a length in metres")
+    not_negative("cohesion_range", scene.cohesion_range, LENGTH)
+    not_negative("overlap", scene.overlap, LENGTH)
     if scene.overlap > MAX_OVERLAP * scene.cell:
         raise SceneError(
             f"overlap = {scene.overlap:g} m is {scene.overlap / scene.cell:.3g} cells; give at most a quarter of a"

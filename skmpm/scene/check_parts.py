@@ -15,7 +15,7 @@ from skmpm.scene.model import Model
 from skmpm.scene.objects import Body, Load, Pressure, Spring, Support, Wall
 from skmpm.scene.periodic import Periodic
 from skmpm.scene.point_sets import TURNING, PointSet, prescribed_components, stiffness_of, support_angle
-from skmpm.scene.values import SceneError, vector
+from skmpm.values import SceneError, vector
 
 TIME, POSITIONS, FIELD = "t", "x", "X, t"
 REMEDY = {

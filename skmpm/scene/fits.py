@@ -10,7 +10,7 @@ from scipy.spatial import KDTree
 from skmpm.arrays import ROUND_OFF, Array
 from skmpm.scene.scene import Scene
 from skmpm.scene.state import State
-from skmpm.scene.values import SceneError
+from skmpm.values import SceneError
 
 STAYS_RIGID = "bodies stay what they are: hold a deformable one by a Support, or begin a new run from its points"
 _ITS_OWN = "continue with the scene that the state was made from"

@@ -16,7 +16,7 @@ import numpy as np
 from skmpm.arrays import Array, Ints
 from skmpm.representation import span
 from skmpm.scene.layout import Layout
-from skmpm.scene.values import SceneError, not_negative
+from skmpm.values import SceneError, not_negative
 
 DEFAULT = "default"  # key of a table for pairs without an entry
 COEFFICIENT = "a Coulomb coefficient"

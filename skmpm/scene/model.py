@@ -21,7 +21,7 @@ from skmpm.scene.point_sets import (
     pressed_segments,
     supported_points,
 )
-from skmpm.scene.values import SceneError, motion, scalar
+from skmpm.values import SceneError, motion, scalar
 
 
 def initial_internal(scene: Layout) -> Array:

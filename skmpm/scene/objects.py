@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from skmpm.arrays import Array, Ints
 from skmpm.material import Material, MaterialWithMemory, Rigid
 from skmpm.points import Points
-from skmpm.scene.values import components
+from skmpm.values import components
 
 Motion = Callable[[float], ArrayLike]  # time [s] -> (2,)
 Components = Sequence[float | None] | ArrayLike  # of a motion; None is free

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import expm
 
 from skmpm.arrays import Array, Ints
-from skmpm.scene.values import SceneError, numbers, positive
+from skmpm.values import SceneError, numbers, positive
 
 Tensor = ArrayLike | Callable[[float], ArrayLike]
 

@@ -11,7 +11,7 @@ from skmpm.arrays import Array, Bools, Ints
 from skmpm.outline import Outlines
 from skmpm.scene.layout import Layout
 from skmpm.scene.objects import Pressure, Spring, Support, Where
-from skmpm.scene.values import SceneError, components, not_negative, numbers, positive, scalar, vector
+from skmpm.values import SceneError, components, not_negative, numbers, positive, scalar, vector
 
 TURNING = "to turn points, give `rotation`"
 

@@ -17,7 +17,7 @@ from skmpm.scene.model import Model
 from skmpm.scene.objects import Body, rigid_motion
 from skmpm.scene.periodic import deformed
 from skmpm.scene.point_sets import support_rotations
-from skmpm.scene.values import SceneError, field_values, motion
+from skmpm.values import SceneError, field_values, motion
 
 
 def gravity_at(scene: Layout, X: Array, t: float) -> Array:

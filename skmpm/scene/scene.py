@@ -17,7 +17,7 @@ from skmpm.representation import line, quantity, table
 from skmpm.scene.check import check
 from skmpm.scene.model import Model
 from skmpm.scene.objects import Body
-from skmpm.scene.values import SceneError
+from skmpm.values import SceneError
 
 ROUND = 1e-3  # deviation of boundary points from a circle, over its radius
 

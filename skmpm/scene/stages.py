@@ -19,7 +19,7 @@ from skmpm.scene.renumbered import of_bodies, renumbered
 from skmpm.scene.report import StepControl
 from skmpm.scene.scene import Scene
 from skmpm.scene.state import State
-from skmpm.scene.values import SceneError
+from skmpm.values import SceneError
 
 KEEP = "a stage may lack bodies, but keeps the others in their order and the cell, as dataclasses.replace does"
 

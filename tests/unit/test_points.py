@@ -156,7 +156,7 @@ def test_box_outline_is_its_boundary():
     ],
 )
 def test_bad_arguments_are_named(make, name):
-    with pytest.raises(ValueError, match=f"^{name} is .*; give"):
+    with pytest.raises(ValueError, match=f"^{name} = .*; give"):
         make()
 
 

@@ -118,18 +118,21 @@ def test_shapes_come_to_rest_on_each_other():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: ellipse((0, 0), (1.0, 0.0), spacing=0.1), "semi_axes is 0.0; give a finite number > 0"),
-        (lambda: ellipse((0, 0), 1.0, spacing=0.1), "semi_axes is 1.0; give two finite numbers"),
-        (lambda: ellipse((0, np.nan), (1, 1), spacing=0.1), "centre is .*nan"),
-        (lambda: ellipse((0, 0), (1, 1), spacing=0.1, angle=np.inf), "angle is inf; give a finite number"),
-        (lambda: ellipse((0, 0), (1, 1), spacing=0.1, angle=[0, 1]), r"angle is \[0, 1\]; give a finite number"),
-        (lambda: ellipse((0, 0), (1, 1), spacing=0.1, angle=None), "angle is None; give a finite number"),
-        (lambda: capsule((0, 0), 0.0, 1.0, spacing=0.1), "length is 0.0"),
-        (lambda: capsule((0, 0), 1.0, -1.0, spacing=0.1), "radius is -1.0"),
+        (
+            lambda: ellipse((0, 0), (1.0, 0.0), spacing=0.1),
+            "semi_axes = 0.0; give a length in metres, greater than zero",
+        ),
+        (lambda: ellipse((0, 0), 1.0, spacing=0.1), "semi_axes = 1.0; give two finite numbers"),
+        (lambda: ellipse((0, np.nan), (1, 1), spacing=0.1), "centre = .*nan"),
+        (lambda: ellipse((0, 0), (1, 1), spacing=0.1, angle=np.inf), "angle = inf; give a finite number"),
+        (lambda: ellipse((0, 0), (1, 1), spacing=0.1, angle=[0, 1]), r"angle = \[0, 1\]; give a finite number"),
+        (lambda: ellipse((0, 0), (1, 1), spacing=0.1, angle=None), "angle = None; give a finite number"),
+        (lambda: capsule((0, 0), 0.0, 1.0, spacing=0.1), "length = 0.0"),
+        (lambda: capsule((0, 0), 1.0, -1.0, spacing=0.1), "radius = -1.0"),
         (lambda: polygon((0, 0), 1.0, 2, rounding=0.1, spacing=0.1), "sides is 2; give an integer of three or more"),
         (lambda: polygon((0, 0), 1.0, 3.5, rounding=0.1, spacing=0.1), "sides is 3.5"),
         (lambda: polygon((0, 0), 1.0, 3, rounding=0.51, spacing=0.1), "rounding is 0.51; give less than .* 0.5"),
-        (lambda: polygon((0, 0), 1.0, 3, rounding=0.0, spacing=0.1), "rounding is 0.0"),
+        (lambda: polygon((0, 0), 1.0, 3, rounding=0.0, spacing=0.1), "rounding = 0.0"),
     ],
 )
 def test_bad_input_is_refused(make, message):

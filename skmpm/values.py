@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike
 
 from skmpm.arrays import Array
 
+LENGTH = "a length in metres"  # what `positive` asks for
+
 
 class SceneError(ValueError):
     """An error in a scene: names the object, the value and the remedy.
@@ -75,24 +77,18 @@ def number(name: str, value: object, remedy: str, low: float = -np.inf, high: fl
     """The value as a float; SceneError if it is not one finite number from `low` to `high`."""
     result = numbers(name, value, remedy)  # type: ignore[arg-type]
     if result.ndim or not (np.isfinite(result) and low <= result <= high):
-        raise SceneError(f"{name} = {value!r}; {remedy}")
+        raise SceneError(f"{name} = {value}; {remedy}")
     return float(result)
 
 
 def positive(name: str, value: object, what: str) -> float:
     """The value as a float; SceneError if it is not greater than zero."""
-    result = number(name, value, f"give {what}, greater than zero")
-    if result <= 0.0:
-        raise SceneError(f"{name} = {value}; give {what}, greater than zero")
-    return result
+    return number(name, value, f"give {what}, greater than zero", low=np.nextafter(0.0, 1.0))
 
 
 def not_negative(name: str, value: object, what: str) -> float:
     """The value as a float; SceneError if it is less than zero."""
-    result = number(name, value, f"give {what} of zero or more")
-    if result < 0.0:
-        raise SceneError(f"{name} = {value}; give {what} of zero or more")
-    return result
+    return number(name, value, f"give {what} of zero or more", low=0.0)
 
 
 def numbers(name: str, value: ArrayLike, remedy: str) -> Array:
