@@ -176,7 +176,7 @@ def _check_wall(name: str, wall: Wall) -> None:
 
 def check_walls_at_start(scene: Model) -> None:
     """Raise SceneError if a wall cuts a body that forces move at t = 0."""
-    walls = dict(enumerate(wall.point for wall in scene.walls))
+    walls = dict(enumerate(scene.wall_points))
     remedy = "move the wall or the body, or turn its normal; a wall of a later stage begins in skmpm.continued"
     check_walls(scene, scene.initial_positions, walls, remedy)
 

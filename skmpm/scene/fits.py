@@ -7,7 +7,7 @@ import reprlib
 import numpy as np
 from scipy.spatial import KDTree
 
-from skmpm.arrays import ROUND_OFF, Array
+from skmpm.arrays import ROUND_OFF
 from skmpm.scene.scene import Scene
 from skmpm.scene.state import State
 from skmpm.values import SceneError
@@ -91,7 +91,7 @@ def check_initial_positions(scene: Scene, state: State, name: str) -> None:
 
 def _check_order(scene: Scene, state: State, name: str) -> None:
     """Raise SceneError if walls with the same normal, or bodies with as many points, are in another order."""
-    offset = [np.einsum("iw,wi->w", scene.normals, p) for p in (state.walls, _wall_points(scene))]
+    offset = [np.einsum("iw,wi->w", scene.normals, p) for p in (state.walls, scene.wall_points)]
     same = np.abs(scene.normals[:, :, None] - scene.normals[:, None]).max(axis=0) < ROUND_OFF
     now, then = (np.sign(o[:, None] - o[None]) for o in offset)
     swapped = np.argwhere(same & (now * then < 0.0))
@@ -111,7 +111,3 @@ def _check_order(scene: Scene, state: State, name: str) -> None:
             f"{name}: body {moved[b]} of the state began where body {other[b]} of the scene does; keep the bodies and"
             " their order"
         )
-
-
-def _wall_points(scene: Scene) -> Array:
-    return np.array([wall.point for wall in scene.walls], dtype=float).reshape(-1, 2)

@@ -232,6 +232,11 @@ class Layout:
         return np.flatnonzero([support.rotation is not None for support in self.supports])
 
     @cached_property
+    def wall_points(self) -> Array:
+        """Points of the walls at t = 0, (walls, 2) [m]."""
+        return np.array([wall.point for wall in self.walls], dtype=float).reshape(-1, 2)
+
+    @cached_property
     def normals(self) -> Array:
         """Unit normals of the walls, (2, walls)."""
         normals = np.array([wall.normal for wall in self.walls], dtype=float).reshape(-1, 2).T

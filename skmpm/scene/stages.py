@@ -73,7 +73,7 @@ def continued(scene: Scene, state: State, new_scene: Scene) -> State:
     if bodies.size < len(scene.bodies):
         state = of_bodies(scene, new_scene, state, bodies)
     kept = former >= 0
-    walls = np.array([wall.point for wall in new_scene.walls], dtype=float).reshape(-1, 2)
+    walls = new_scene.wall_points.copy()
     walls[kept] = state.walls[former[kept]]
     force, velocity = np.zeros_like(walls), new_scene.wall_velocities(state.t)
     force[kept] = state.wall_force[former[kept]]

@@ -18,7 +18,7 @@ from skmpm.scene import (
     support_rotations,
     with_normal_speeds,
 )
-from skmpm.step.driven_walls import driving_forces, initial_points
+from skmpm.step.driven_walls import driving_forces
 
 
 class Moving(NamedTuple):
@@ -79,7 +79,7 @@ def driven_by_force(scene: Scene, t: float = 0.0) -> Iterator[tuple[str, float]]
         return
     x = scene.initial_positions
     impedance = float(min(np.sqrt((m.lame[0] + 2.0 * m.lame[1]) * m.density) for m in scene.materials))
-    forces = np.abs(driving_forces(scene, initial_points(scene), t))
+    forces = np.abs(driving_forces(scene, scene.wall_points, t))
     for i, force in zip(scene.driven_walls.tolist(), forces.tolist(), strict=True):
         width = float(np.ptp(scene.normals[0, i] * x[1] - scene.normals[1, i] * x[0]))
         yield f"wall {i} by its force", force / width / impedance

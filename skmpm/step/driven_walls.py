@@ -28,11 +28,6 @@ def driving_forces(scene: Scene, walls: Array, t: float) -> Array:
     return scene.driving_forces(t, region(scene.normals, walls.T, scene.initial_box).length)
 
 
-def initial_points(scene: Scene) -> Array:
-    """Points of the walls at t = 0, (walls, 2) [m]."""
-    return np.array([wall.point for wall in scene.walls], dtype=float).reshape(-1, 2)
-
-
 def check_driven(name: str, scene: Scene, scheme: Scheme) -> None:
     """Raise SceneError if a scheme cannot drive walls, or a pressure acts on a side that is not closed."""
     if (scene.has_scalar_unknowns or scene.periodic is not None) and acts_at_grid_nodes(scheme.contact):
@@ -44,7 +39,7 @@ def check_driven(name: str, scene: Scene, scheme: Scheme) -> None:
         raise SceneError(f"{name}: {what}, which contact = shared_grid cannot; use point_to_curve")
     if scene.driven_walls.size == 0:
         return
-    length = region(scene.normals, initial_points(scene).T, scene.initial_box).length
+    length = region(scene.normals, scene.wall_points.T, scene.initial_box).length
     for i in scene.driven_walls.tolist():
         if scene.walls[i].pressure is not None and not 0.0 < length[i] < np.inf:
             raise SceneError(

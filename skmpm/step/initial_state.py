@@ -90,7 +90,7 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
         F_anchor=np.repeat(np.eye(2)[:, :, None], n, axis=2),
         stress_anchor=np.zeros((2, 2, n)),
         displacement=np.zeros(0),
-        walls=np.array([wall.point for wall in scene.walls], dtype=float).reshape(-1, 2),
+        walls=scene.wall_points.copy(),
         wall_normals=scene.normals.T.copy(),
         wall_force=np.zeros((len(scene.walls), 2)),
         wall_velocity=scene.wall_velocities(0.0),

@@ -166,8 +166,7 @@ def _meeting(scene: Scene, x: Array, v: Array, room: float) -> tuple[Array, Arra
     i, j = KDTree(centre.T).query_pairs(2.0 * (reach.max() + room), output_type="ndarray").T
     between = np.hypot(*(centre[:, i] - centre[:, j])) - reach[i] - reach[j]
     relative = np.hypot(*(velocity[:, i] - velocity[:, j])) + own[i] + own[j]
-    points = np.array([wall.point for wall in scene.walls]).reshape(-1, 2)
-    to_walls = scene.normals.T @ x - (scene.normals.T * points).sum(axis=1)[:, None]
+    to_walls = scene.normals.T @ x - (scene.normals.T * scene.wall_points).sum(axis=1)[:, None]
     gaps, speeds = np.append(between, to_walls), np.append(relative, -scene.normals.T @ v)
     near = gaps < 2.0 * room
     return np.maximum(gaps[near], 0.0), np.maximum(speeds[near], 0.0)
