@@ -235,9 +235,10 @@ class _Search:
                 length *= 0.5
                 if abs(length) < abs(change) * 0.5**SHORTER:
                     raise StepFailed(
-                        f"jam: no equilibrium was found near a solid fraction of {packing.fraction:.6g}; begin with"
-                        f" another state, or give a smaller increment ({error})",
+                        f"jam: no equilibrium was found near a solid fraction of {packing.fraction:.6g}"
+                        f" ({error.problem})",
                         error.state,
+                        remedy="begin with another state, or give a smaller increment",
                         retryable=False,
                     ) from error
                 continue

@@ -161,10 +161,9 @@ def _at_rest(still: Scene, state: State) -> State:
         first = step(still, at_rest(still, state), 1.0, scheme=STATIC)
         return step(still, first, 1.0, scheme=STATIC)
     except StepFailed as error:
+        problem = f"moduli: no equilibrium was found near the state ({error.problem})"
         remedy = "let it come to rest before, as by `simulate` in a box of rate zero"
-        raise StepFailed(
-            f"moduli: no equilibrium was found near the state; {remedy} ({error})", error.state, retryable=False
-        ) from error
+        raise StepFailed(problem, error.state, remedy=remedy, retryable=False) from error
 
 
 def _change(still: Scene, rest: State, strain: Array) -> Array:

@@ -210,7 +210,7 @@ def _first(scene: Scene, scheme: Scheme) -> State:
     try:
         check_connected(scene, state)
     except StepRejected as error:
-        raise SceneError(str(error)) from error
+        raise SceneError(f"{error}; {error.remedy}") from error
     return state
 
 

@@ -95,6 +95,8 @@ class StepFailed(RuntimeError):  # noqa: N818  (public name)
     Attributes
     ----------
     state : the last good state
+    problem : which criterion failed, where and why
+    remedy : what may help beside a smaller dt; empty if nothing else is known
     retryable : whether a smaller dt may help
     retries : number of attempts with longer dt
 
@@ -110,9 +112,21 @@ class StepFailed(RuntimeError):  # noqa: N818  (public name)
     0.0 True
     """
 
-    def __init__(self, message: str, state: State, *, retryable: bool = True, retries: int = 0) -> None:
-        super().__init__(message)
-        self.state, self.retryable, self.retries = state, retryable, retries
+    def __init__(
+        self,
+        problem: str,
+        state: State,
+        *,
+        remedy: str = "",
+        retryable: bool = True,
+        retries: int = 0,
+        tried: str = "",
+    ) -> None:
+        shorter = "use a smaller dt" if retryable and not tried else ""
+        advice = ", or ".join(each for each in (shorter, remedy) if each)
+        super().__init__("; ".join(each for each in (problem, advice, tried) if each))
+        self.problem, self.state, self.remedy = problem, state, remedy
+        self.retryable, self.retries = retryable, retries
 
 
 @dataclass(frozen=True, repr=False)

@@ -18,8 +18,8 @@ from skmpm.step.terms import ENERGY_TOLERANCE, Budget
 MAX_WALL_PENETRATION = 0.05  # [cells] (test_acceptance)
 # [cells] of outline between crossing segments: a shorter fold is hardly resolved by the grid. From 1 to 4 tests pass.
 UNRESOLVED_FOLD = 2.0
-FOLDS = "it folds there: use smaller loads, a finer cell or rounder corners"
-PASSES = "use a smaller dt, or a smaller cell if these parts were less than a cell apart at the start"
+FOLDS = "use smaller loads, a finer cell or rounder corners"
+PASSES = "use a smaller cell if these parts were less than a cell apart at the start"
 # Over the energy exchanged in a step (`_exchanged`): gain by negative curvature of the potential. A body that rotates
 # on what it is pressed on meets it up to a rotation of 0.02 to 0.04 rad.
 CURVATURE_TOLERANCE = 0.01
@@ -60,8 +60,7 @@ def _check_points(scene: Scene, after: State, budget: Budget) -> None:
     worst = int(np.argmin(determinant(after.F)))
     b, material = int(after.body[worst]), material_at(scene, worst)
     linear = not isinstance(material, Rigid) and is_linear(material)
-    small = f" or NeoHookean: {type(material).__name__} holds for small strains" if linear else ""
-    remedy = f"use a smaller dt{small}"
+    remedy = f"use NeoHookean: {type(material).__name__} holds for small strains" if linear else ""
     where = f"body {b} near {place(after.x[:, worst], scene.cell)}"
     raise StepRejected(where, "points are inverted (det F <= 0) at the end of the step", remedy)
 
@@ -166,7 +165,7 @@ def _check_crossings(scene: Scene, after: State) -> None:
         return
     local = apart(boundary, x, *pairs) <= UNRESOLVED_FOLD * scene.cell
     if local.any():
-        raise _crossed(boundary, x, pairs[:, np.argmax(local)], scene.cell, "", FOLDS)
+        raise _crossed(boundary, x, pairs[:, np.argmax(local)], scene.cell, ", where it folds", FOLDS)
     for b in np.unique(boundary.body[pairs[0]]):
         depth = float(outline.depth(boundary, x, b).max(initial=0.0)) / scene.cell
         if depth > MAX_OVERLAP:
@@ -175,11 +174,11 @@ def _check_crossings(scene: Scene, after: State) -> None:
 
 
 def _crossed(
-    boundary: outline.Outlines, x: Array, segments: Ints, cell: float, depth: str, remedy: str
+    boundary: outline.Outlines, x: Array, segments: Ints, cell: float, how: str, remedy: str
 ) -> StepRejected:
     """The error of an outline of which two segments (2,) cross."""
     first, second = (place(at, cell) for at in x[:, segments].T)
-    problem = f"its outline crosses itself near {first} and {second}{depth}"
+    problem = f"its outline crosses itself near {first} and {second}{how}"
     return StepRejected(f"body {boundary.body[segments[0]]}", problem, remedy)
 
 
@@ -229,7 +228,7 @@ def _check_walls(scene: Scene, after: State) -> None:
             raise StepRejected(
                 f"body {after.body[deepest]} and wall {i} near {place(after.x[:, deepest], scene.cell)}",
                 f"a point lies {depth.max():.3g} cells behind the wall",
-                "use a smaller dt or cell, or compress less",
+                "use a smaller cell, or compress less",
             )
 
 

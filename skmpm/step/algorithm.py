@@ -24,13 +24,13 @@ from skmpm.step.contact_problem import ContactIterate, ContactProblem, KnownForc
 from skmpm.step.driven_walls import check_driven
 from skmpm.step.end import end_of_step, with_box_motion
 from skmpm.step.equations import Increment
-from skmpm.step.errors import SMALLER, StepRejected
+from skmpm.step.errors import StepRejected
 from skmpm.step.factor import Factor, take
 from skmpm.step.gauge import gauge_condition
 from skmpm.step.initial_state import check_cohesion, check_scheme, touches
 from skmpm.step.new_state import contacts_of, end_state
 from skmpm.step.newton import Solution, advance
-from skmpm.step.no_equilibrium import indenting_edge_message
+from skmpm.step.no_equilibrium import round_the_edge
 from skmpm.step.regrid import check_connected, check_parts_apart, regridded_state
 from skmpm.step.report import report_of, unbalanced_ratio
 from skmpm.step.scalar_unknowns import ScalarUnknowns
@@ -38,7 +38,9 @@ from skmpm.step.scene_forces import equilibrium_depends_on_dt, terms_of
 from skmpm.step.start import configuration_at_start, scalar_unknowns, velocity_at_start
 from skmpm.step.statics import settle
 
-LOAD_STEPS = "begin without gaps, apply loads in steps, as functions of time, or use inertia; not a smaller dt"
+LOAD_STEPS = (
+    "begin without gaps, apply loads in steps, as functions of time, or use inertia; a smaller dt changes nothing"
+)
 
 SHORTEST = 1e-100  # [s]; with shorter steps, velocities overflow
 
@@ -187,18 +189,22 @@ def _equilibrium(
 
 def _failure(scene: Scene, start: State, increment: Increment, error: Exception) -> StepFailed:
     """The failure of the step from a state; it is retryable if a shorter step has other equations."""
-    reason = _floating_point_failure(start, error) if isinstance(error, ArithmeticError) else str(error)
-    edge = "" if increment.scheme.inertia else indenting_edge_message(scene, start.contacts)
-    remedy = reason if increment.depends_on_dt else reason.replace(f"; {SMALLER}", f"; {LOAD_STEPS}")
-    message = f"the step from t = {start.t:.6g} s with dt = {increment.dt:.3g} s failed: {remedy}{edge}"
-    return StepFailed(message, start, retryable=increment.depends_on_dt and getattr(error, "retryable", True))
+    rejected, by_dt = _rejected(start, error), increment.depends_on_dt
+    edge = "" if increment.scheme.inertia else round_the_edge(scene, start.contacts)
+    remedies = [remedy for remedy in (rejected.remedy, edge) if remedy]
+    problem = f"the step from t = {start.t:.6g} s with dt = {increment.dt:.3g} s failed: {rejected}"
+    remedy = ", or ".join(remedies) if remedies or by_dt else LOAD_STEPS
+    return StepFailed(problem, start, remedy=remedy, retryable=by_dt and rejected.retryable)
 
 
-def _floating_point_failure(state: State, error: ArithmeticError) -> str:
-    """The message of an overflow, a division by zero or an invalid operation, with the fastest body."""
-    fastest = int(np.argmax(np.abs(state.v).max(axis=0)))
-    b = state.body[fastest]
-    return f"body {b}, the fastest of all: floating-point error ({error}); use a smaller dt or check its velocity"
+def _rejected(start: State, error: Exception) -> StepRejected:
+    """An error of a step as one that says where: of floating-point errors the fastest body."""
+    if isinstance(error, StepRejected):
+        return error
+    if not isinstance(error, ArithmeticError):
+        return StepRejected("all bodies", str(error))
+    b = start.body[int(np.argmax(np.abs(start.v).max(axis=0)))]
+    return StepRejected(f"body {b}, the fastest of all", f"floating-point error ({error})", "check its velocity")
 
 
 def check_time(name: str, value: object, lowest: float, expected: str) -> None:

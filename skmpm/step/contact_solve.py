@@ -15,7 +15,7 @@ from skmpm.step.compliance import Border, delassus_matrix
 from skmpm.step.contact_problem import ContactIterate, KnownForces, check_response
 from skmpm.step.contact_scale import ContactScale, contact_scale
 from skmpm.step.contact_stiffness import ContactStiffness, contact_stiffness
-from skmpm.step.errors import NOTHING_DEFORMS, SMALLER, StepRejected, of_contact
+from skmpm.step.errors import NOTHING_DEFORMS, StepRejected, of_contact
 
 # Iterations of the contact solver with geometric stiffness: one to six are usual. Near a limit point it takes a
 # hundred or fails, and half of the stiffness, from the contacts without it, solves nearly all such problems. From 6
@@ -120,7 +120,7 @@ class _Linearised:
                 of_contact(constraints, found.worst, self.contact.increment.grid.cell),
                 f"the contact solver did not converge for {constraints.size} contacts: residual"
                 f" {found.residual:.2g} (tolerance {tol:g}) here",
-                NOTHING_DEFORMS if rigid else SMALLER,
+                NOTHING_DEFORMS if rigid else "",
             )
         contact = self._after(found.r, found.scale, iterations + found.iterations)
         return Direction(contact, self._direction(contact.impulse), contact.impulse)

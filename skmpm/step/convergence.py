@@ -114,7 +114,7 @@ def not_definite(increment: Increment, configuration: Configuration, error: np.l
     return StepRejected(
         at_point(grid, worst, configuration.displacement),
         f"its matrix is not positive definite as it is deformed, with stretches of {least:.3g} and {most:.3g} here",
-        "use a law that does not soften at these strains, smaller loads, or a smaller dt",
+        "use a law that does not soften at these strains, or smaller loads",
     )
 
 

@@ -9,18 +9,17 @@ from skmpm.contact import Constraints
 from skmpm.grid import BodyGrids
 from skmpm.linear import NotPositiveDefinite
 
-SMALLER = "use a smaller dt"
 NOTHING_DEFORMS = (
-    "use a smaller dt, or, where prescribed motions squeeze rigid bodies, a force for one of the motions or a body"
-    " that deforms"
+    "where prescribed motions squeeze rigid bodies, use a force for one of the motions or a body that deforms"
 )
 
 
 class StepRejected(RuntimeError):  # noqa: N818
-    """The equations of a step were not solved, or its result was rejected: where, why, and the remedy."""
+    """The equations of a step were not solved, or its result was rejected: where and why."""
 
-    def __init__(self, where: str, problem: str, remedy: str = SMALLER, *, retryable: bool = True) -> None:
-        super().__init__(f"{where}: {problem}; {remedy}")
+    def __init__(self, where: str, problem: str, remedy: str = "", *, retryable: bool = True) -> None:
+        super().__init__(f"{where}: {problem}")
+        self.remedy = remedy  # beside a smaller dt
         self.retryable = retryable  # whether a smaller dt may help
 
 
@@ -60,8 +59,7 @@ def too_few_points(grid: BodyGrids, error: np.linalg.LinAlgError) -> StepRejecte
         f"body {b}",
         "its matrix is not positive definite, even free of stress;"
         f" {(count == 1).sum()} of its {count.size} cells hold one point, which leaves motions without stiffness",
-        "use a smaller spacing of its points, a larger cell or a larger Scheme.ghost, or a smaller dt where it is"
-        " deformed much",
+        "use a smaller spacing of its points, a larger cell or a larger Scheme.ghost",
     )
 
 

@@ -98,8 +98,8 @@ def _corner_of(increment: Increment, constraints: Constraints, contact: int, bod
     return bool(float(ahead @ back) < CORNER_COSINE * float(np.hypot(*ahead) * np.hypot(*back)))
 
 
-def indenting_edge_message(scene: Scene, contacts: Contacts) -> str:
-    """The text on the rigid edge that carries the largest contact force, for error messages; empty if none does.
+def round_the_edge(scene: Scene, contacts: Contacts) -> str:
+    """What helps against the rigid edge that carries the largest contact force, as text; empty if none does.
 
     Rigid bodies contribute boundary points to contacts only at edges, as the first body of a contact.
     """
@@ -111,7 +111,7 @@ def indenting_edge_message(scene: Scene, contacts: Contacts) -> str:
         return ""
     x, y = contacts.x[:, k]
     return (
-        f"; the largest contact force acts on an edge of body {first} at ({x:.6g}, {y:.6g}) m, where stress is"
-        f" unbounded and body {second} may snap through: if a smaller dt does not help, use inertia, or round the"
-        f" edge by {MIN_EDGE_RADIUS * scene.cell:.4g} m"
+        f"use inertia, or round the edge of body {first} at ({x:.6g}, {y:.6g}) m by"
+        f" {MIN_EDGE_RADIUS * scene.cell:.4g} m: on it acts the largest contact force, stress is unbounded there, and"
+        f" body {second} may snap through"
     )

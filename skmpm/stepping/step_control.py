@@ -15,7 +15,6 @@ from skmpm.arrays import ROUND_OFF
 from skmpm.scene import Scene, State, StepControl, StepFailed
 from skmpm.scheme import Scheme
 from skmpm.step.algorithm import step
-from skmpm.step.errors import SMALLER
 from skmpm.stepping.step_length import BELOW, MAX_CHANGE, SLACK, TWICE, Pace, next_length
 
 MAX_HALVINGS = 10  # so that the shortest step is a thousandth of a full one
@@ -211,8 +210,8 @@ def _after_success(step_control: StepControl, shortened: bool) -> StepControl:
 def _given_up(failure: StepFailed, state: State, scheme: Scheme, retries: int) -> StepFailed:
     """The error after the last retry, with the last state that was reached."""
     if not failure.retryable:
-        return StepFailed(str(failure), state, retryable=False, retries=retries)
-    other = AT_ITS_LIMIT if scheme.inertia else NO_EQUILIBRIUM
-    tried = f"after {retries} {'retry' if retries == 1 else 'retries'} with ever smaller dt"
-    reason = str(failure).replace(f"; {SMALLER}", f"; {other}")
-    return StepFailed(f"{reason}; given up {tried if retries else 'with the shortest dt'}", state, retries=retries)
+        return StepFailed(failure.problem, state, remedy=failure.remedy, retryable=False, retries=retries)
+    remedy = failure.remedy or (AT_ITS_LIMIT if scheme.inertia else NO_EQUILIBRIUM)
+    several = f"after {retries} {'retry' if retries == 1 else 'retries'} with ever smaller dt"
+    tried = f"given up {several if retries else 'with the shortest dt'}"
+    return StepFailed(failure.problem, state, remedy=remedy, retries=retries, tried=tried)

@@ -142,6 +142,18 @@ def test_a_step_that_does_not_depend_on_dt_is_not_retried(law):
     assert ("apply loads in steps" in str(failed.value)) == same
 
 
+@pytest.mark.parametrize("law", [LINEAR, GEL])
+def test_where_a_smaller_dt_changes_nothing_none_is_advised(law):
+    """The error of a linear law names the cure of its own."""
+    base, load = Support(lambda x: x[1] < 1e-9), Load(lambda x: x[1] > 1.0 - 1e-9, (0.0, -3.0 * E))
+    scene = Scene([Body(box((0, 0), (1.0, 1.0), spacing=0.75 * H), law)], cell=H, supports=[base], loads=[load])
+    with pytest.raises(StepFailed) as failed:
+        list(simulate(scene, dt=1.0, until=1.0, scheme=Scheme(inertia=False, max_newton=6), warn=False))
+    assert "use a smaller dt" not in str(failed.value)
+    assert ("use NeoHookean" in str(failed.value)) == (law is LINEAR)
+    assert failed.value.remedy in str(failed.value)
+
+
 LOADINGS = ["constant", "function of time", "moving wall elsewhere", "viscosity"]
 
 

@@ -32,14 +32,14 @@ IMPACT = Scene(
 )
 
 
-def scripted(monkeypatch, fails):
-    """Steps that only advance time, and fail where `fails(t, dt)`; the list of the (t, dt) that were tried."""
+def scripted(monkeypatch, fails, **options):
+    """Steps that only advance time, and fail where `fails(t, dt)`, with options of the error; the tried (t, dt)."""
     tried = []
 
     def fake(scene, state, dt, *, scheme):
         tried.append((state.t, dt))
         if fails(state.t, dt):
-            raise StepFailed("scripted; use a smaller dt", state)
+            raise StepFailed("scripted", state, **options)
         return replace(state, t=state.t + dt, report=replace(state.report, dt=dt, retries=0))
 
     monkeypatch.setattr(STEP_CONTROL, "step", fake)
@@ -97,6 +97,27 @@ def test_it_gives_up_after_ten_halvings_with_the_last_good_state(monkeypatch, tm
     assert tried[-1] == (2 * DT, DT / 1024)
     assert failure.value.state is last
     identical(load(tmp_path / "run"), last)
+
+
+@pytest.mark.parametrize(
+    ("options", "advice"),
+    [
+        ({}, "; use a smaller dt"),
+        ({"remedy": "compress less"}, "; use a smaller dt, or compress less"),
+        ({"remedy": "compress less", "retryable": False}, "; compress less"),
+        ({"remedy": "compress less", "tried": "given up"}, "; compress less; given up"),
+    ],
+)
+def test_a_smaller_dt_is_advised_where_it_may_help_and_was_not_tried(options, advice):
+    failure = StepFailed("it failed", initial(free()), **options)
+    assert str(failure) == "it failed" + advice
+
+
+def test_a_remedy_of_its_own_stays_after_the_last_retry(monkeypatch):
+    """It was mixed with the general one: "try what ... says of its picture or cell, or compress less"."""
+    scripted(monkeypatch, lambda t, dt: True, remedy="compress less")
+    with pytest.raises(StepFailed, match=r"scripted; compress less; given up after 10 retries with ever smaller dt$"):
+        ended(free(), DT, warn=False)
 
 
 def test_what_a_smaller_step_cannot_cure_is_not_tried_again():

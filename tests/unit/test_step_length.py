@@ -62,7 +62,7 @@ def scripted(monkeypatch, newton, fails=lambda t, dt: False):
     def fake(scene, state, dt, *, scheme):
         tried.append(dt)
         if fails(state.t, dt):
-            raise StepFailed("scripted; use a smaller dt", state)
+            raise StepFailed("scripted", state)
         return replace(state, t=state.t + dt, report=replace(state.report, dt=dt, newton=newton(state.t), retries=0))
 
     monkeypatch.setattr(STEP_CONTROL, "step", fake)
