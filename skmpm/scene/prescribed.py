@@ -93,11 +93,6 @@ class PrescribedVelocities:
     box_at_start: Array | None = None  # the same at its start [m]
 
     @property
-    def fastest(self) -> float:
-        """The largest component of a velocity of walls, rigid bodies and supports [m/s]."""
-        return max(float(np.abs(each).max(initial=0.0)) for each in (self.walls, self.rigid[:2], self.supports))
-
-    @property
     def gradient(self) -> Array | None:
         """Mean velocity gradient (2, 2) [1/s] of the box over its edges at the start; None without a box."""
         return self._gradient(self.box_at_start)

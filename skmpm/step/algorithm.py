@@ -21,6 +21,7 @@ from skmpm.scheme import Scheme
 from skmpm.step.acceptance import check_step
 from skmpm.step.budget import budget_of
 from skmpm.step.contact_problem import ContactIterate, ContactProblem, KnownForces
+from skmpm.step.driven import driven
 from skmpm.step.driven_walls import check_driven
 from skmpm.step.end import end_of_step, with_box_motion
 from skmpm.step.equations import Increment
@@ -103,7 +104,8 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
             if scheme.inertia:
                 solution = advance(increment, problem_of(state), factor, timer)
             else:
-                solution = _equilibrium(scene, state, increment, motions.fastest, problem_of, factor, timer)
+                fastest = _fastest(scene, state, motions, dt)
+                solution = _equilibrium(scene, state, increment, fastest, problem_of, factor, timer)
             increment, solution = with_box_motion(increment, solution)
             end = end_of_step(increment, solution, motions)
             after = end_state(scene, state, increment, solution, end)
@@ -161,6 +163,12 @@ def _contact_problem(
     known = KnownForces(contacts.key, contacts.force)
     held = scene.supporting >= 0
     return ContactProblem(linearise, increment, motions, known, timer, held, delassus)
+
+
+def _fastest(scene: Scene, state: State, motions: PrescribedVelocities, dt: float) -> float:
+    """The fastest of what moves as prescribed in a step, and of walls that forces drive as in the last one [m/s]."""
+    speeds = [speed for _, speed in driven(scene, state.t, state.box, dt)]
+    return max([float(np.abs(motions.walls).max(initial=0.0)), *speeds])
 
 
 def _equilibrium(

@@ -94,19 +94,23 @@ def driven_by_force(scene: Scene, t: float = 0.0) -> Iterator[tuple[str, float]]
         yield "the periodic box by its stress", float(np.abs(scene.periodic.stress_at(t)).max()) / impedance
 
 
-def driven(scene: Scene, t: float = 0.0, box: Array | None = None) -> Iterator[tuple[str, float]]:
+def driven(
+    scene: Scene, t: float = 0.0, box: Array | None = None, dt: float | None = None
+) -> Iterator[tuple[str, float]]:
     """Walls, supports, rigid bodies and edges of the periodic box with their prescribed speeds at time t [m/s].
 
-    The edges (2, 2) of the box are those at the start if not given. Walls that forces drive have a prescribed speed
-    along their normals at t = 0 only.
+    With dt they are those of a step from t to t + dt [s]. The edges (2, 2) of the box are those at the start if not
+    given. Walls that forces drive have a prescribed speed along their normals at t = 0 only.
     """
+    of_supports, rotations = scene.support_velocities(t, dt), support_rotations(scene, t, dt)
+    t += 0.5 * (dt or 0.0)
     walls = scene.wall_velocities(t)
     if t != 0.0:
         walls = with_normal_speeds(scene, walls, np.zeros(scene.driven_walls.size))
-    for kind, velocities in (("wall", walls), ("support", np.nan_to_num(scene.support_velocities(t)))):
+    for kind, velocities in (("wall", walls), ("support", np.nan_to_num(of_supports))):
         for i, speed in enumerate(np.hypot(*velocities.T).tolist()):
             yield f"{kind} {i}", speed
-    for i, rates in zip(scene.turning.tolist(), support_rotations(scene, t).T, strict=True):
+    for i, rates in zip(scene.turning.tolist(), rotations.T, strict=True):
         reach = float(np.hypot(*support_arms(scene, i, scene.supported[i].points)).max())
         yield f"the rotation of support {i}", float(np.hypot(*rates)) * reach
     for i, body in enumerate(scene.bodies):

@@ -86,7 +86,7 @@ class Pace:
         if scene.can_touch:
             limits.append(_time(self.flight, relative_speed(scene, after.t, now.v), fall))
             if self.room < self.flight:
-                gaps, speeds = _meeting(scene, before.x, after.v, self.flight)
+                gaps, speeds = _meeting(scene, before, after.v, self.flight)
                 limits.append(_time(self.room + gaps, speeds, fall).min(initial=np.inf))
         return min(map(float, limits))
 
@@ -153,12 +153,12 @@ def relative_speed(scene: Scene, t: float, v: Array) -> float:
     return max(between, float(to_walls.max(initial=0.0)))
 
 
-def _meeting(scene: Scene, x: Array, v: Array, room: float) -> tuple[Array, Array]:
+def _meeting(scene: Scene, before: State, v: Array, room: float) -> tuple[Array, Array]:
     """Gaps between bodies and to walls [m] that may close in a step, and bounds on the speeds at which they do [m/s].
 
-    Points are at x (2, n) and move at v (2, n). No body moves by more than `room` [m], and walls stand still.
+    Points move at v (2, n) from their positions before. No body moves by more than `room` [m], and walls stand still.
     """
-    owner, mass = scene.owner, scene.masses
+    owner, mass, x = scene.owner, scene.masses, before.x
     centre, velocity = centres(x, mass, owner), centres(v, mass, owner)
     reach, own = np.zeros((2, len(scene.bodies)))
     np.maximum.at(reach, owner, np.hypot(*(x - centre[:, owner])))
@@ -166,7 +166,7 @@ def _meeting(scene: Scene, x: Array, v: Array, room: float) -> tuple[Array, Arra
     i, j = KDTree(centre.T).query_pairs(2.0 * (reach.max() + room), output_type="ndarray").T
     between = np.hypot(*(centre[:, i] - centre[:, j])) - reach[i] - reach[j]
     relative = np.hypot(*(velocity[:, i] - velocity[:, j])) + own[i] + own[j]
-    to_walls = scene.normals.T @ x - (scene.normals.T * scene.wall_points).sum(axis=1)[:, None]
+    to_walls = scene.normals.T @ x - (scene.normals.T * before.walls).sum(axis=1)[:, None]
     gaps, speeds = np.append(between, to_walls), np.append(relative, -scene.normals.T @ v)
     near = gaps < 2.0 * room
     return np.maximum(gaps[near], 0.0), np.maximum(speeds[near], 0.0)

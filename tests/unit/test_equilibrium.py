@@ -4,6 +4,7 @@ Bodies are so stiff that gravity strains them by 1e-4: limits are those of rigid
 """
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -107,6 +108,15 @@ def test_a_body_falls_by_up_to_six_cells(cells, lands):
         state = solved(scene)
         assert state.wall_force[0, 1] == pytest.approx(-G * state.mass.sum(), rel=2e-3)
         assert 35 <= state.report.solves <= 55
+
+
+def test_a_body_falls_no_farther_beside_one_that_turns_as_prescribed():
+    """Farther by what the rim of that moves. Rates of its cosine and sine [1/s] once counted as speeds."""
+    scene = on_slope(disc((0.451, 0.3 + 8.0 * H), 0.3, spacing=0.75 * H), 0.0, 0.5, STIFF)
+    hub = Body(disc((5.05, 2.0), 0.3, spacing=0.75 * H), STIFF)
+    turned = Support(lambda x: x[0] > 4.0, rotation=lambda t: 0.5 * t)
+    with pytest.raises(StepFailed, match=r"body 0: .* falls, by (6\.[5-9]\d*|7) cells"):
+        solved(replace(scene, bodies=[*scene.bodies, hub], supports=[turned]))
 
 
 @pytest.mark.parametrize("holds", HOLD)

@@ -533,6 +533,15 @@ def test_of_many_bodies_that_fall_only_those_that_may_meet_limit_steps(gap, cell
     assert next(simulate(scene, until=1.0)).report.dt == pytest.approx(cells * CELL / 1.0, rel=0.03)
 
 
+def test_bodies_that_fall_meet_a_wall_where_it_is_now():
+    """It has come closer in a stage before, to a tenth of a cell: 0.3 cells instead of half of one."""
+    falling = [ball(y=R + 30.0 * CELL, x=3.0 * R * k, velocity=(0.0, -1.0)) for k in range(7)]
+    scene = Scene(falling, cell=CELL, walls=[Wall((0, 0), (0, 1))], gravity=(0.0, -9.81))
+    for height, cells in ((0.0, 0.5), (29.9 * CELL, 0.3)):
+        start = replace(initial(scene), walls=np.array([[0.0, height]]))
+        assert next(simulate(scene, until=1.0, start=start)).report.dt == pytest.approx(cells * CELL / 1.0, rel=0.06)
+
+
 def test_a_small_component_beside_a_large_one_is_followed():
     """A horizontal force of half a per cent of the weight, which was lost within a step."""
     load = Load(everywhere, lambda t: (0.005 * np.sin(2.0 * np.pi * t / 0.01), -1.0))
