@@ -19,7 +19,7 @@ from skmpm.outline.widths import inclined_thickness
 from skmpm.points import Points
 from skmpm.preflight.metrics import SceneMetrics, disc_radii
 from skmpm.preflight.sampling import stress_errors
-from skmpm.scene import TOUCHING, prescribed_motions
+from skmpm.scene import TOUCHING, functions_of_time
 from skmpm.step.driven import driven, driven_by_force
 from skmpm.step.initial_state import initial_motion
 from skmpm.step.regrid import torn_bodies
@@ -100,7 +100,7 @@ def _left_alone(m: SceneMetrics) -> bool:
     """Whether bodies are at rest, and at most constant gravity and constant given motions act on them."""
     scene = m.scene
     forces = scene.loads or scene.springs or m.cohesion > 0.0 or any(driven_by_force(scene))
-    functions = any(map(callable, [scene.gravity, *prescribed_motions(scene)]))
+    functions = callable(scene.gravity) or any(functions_of_time(scene))
     return not (forces or functions) and m.at_rest
 
 

@@ -2,6 +2,7 @@
 
 from skmpm.scene.check import MAX_OVERLAP, TOUCHING, check_walls_at_start, overlaps
 from skmpm.scene.fits import check_fits, check_initial_positions, check_scene
+from skmpm.scene.functions import DISPLACEMENT, LOAD, VELOCITY, functions_of_time
 from skmpm.scene.layout import material_at
 from skmpm.scene.model import initial_internal, plastic_strain
 from skmpm.scene.objects import Body, Load, Pressure, Spring, Support, Wall, rigid_motion
@@ -16,7 +17,6 @@ from skmpm.scene.prescribed import (
     initial_rigid_motion,
     mean_velocity,
     normal_speeds,
-    prescribed_motions,
     prescribed_velocities,
     velocity_at,
     with_normal_speeds,
@@ -29,8 +29,11 @@ from skmpm.scene.walls_in_view import view_of, wall_lines
 from skmpm.values import SceneError, field_values, motion
 
 __all__ = [
+    "DISPLACEMENT",
+    "LOAD",
     "MAX_OVERLAP",
     "TOUCHING",
+    "VELOCITY",
     "Body",
     "Contacts",
     "Derived",
@@ -62,6 +65,7 @@ __all__ = [
     "deformed",
     "field_values",
     "fitted_motions",
+    "functions_of_time",
     "gravity_at",
     "initial_internal",
     "initial_rigid_motion",
@@ -74,7 +78,6 @@ __all__ = [
     "overlaps",
     "pair_numbers",
     "plastic_strain",
-    "prescribed_motions",
     "prescribed_velocities",
     "recut",
     "rigid_motion",

@@ -10,6 +10,7 @@ import numpy as np
 from skmpm.arrays import Bools
 from skmpm.material import Rigid
 from skmpm.points import Points
+from skmpm.scene.functions import POSITIONS, may_be_functions
 from skmpm.scene.layout import Layout
 from skmpm.scene.model import Model
 from skmpm.scene.objects import Body, Load, Pressure, Spring, Support, Wall
@@ -17,24 +18,13 @@ from skmpm.scene.periodic import Periodic
 from skmpm.scene.point_sets import TURNING, PointSet, prescribed_components, stiffness_of, support_angle
 from skmpm.values import SceneError, vector
 
-TIME, POSITIONS, FIELD = "t", "x", "X, t"
+TIME, PLACES, FIELD = "t", "x", "X, t"  # arguments of functions
 REMEDY = {
     TIME: "give a function of the time t [s]",
-    POSITIONS: "give a function of positions x (2, n) [m]",
+    PLACES: "give a function of positions x (2, n) [m]",
     FIELD: "give a function of positions X (2, n) [m] and the time t [s]",
 }
 SHORTEST = 1e-6  # [cells] bar at t = 0, which needs a direction
-
-
-FUNCTIONS: dict[type, dict[str, str]] = {
-    Body: {"velocity": POSITIONS, "motion": TIME},
-    Wall: {"velocity": TIME, "force": TIME, "pressure": TIME},
-    Support: {"where": POSITIONS, "velocity": TIME, "displacement": TIME, "rotation": TIME},
-    Load: {"where": POSITIONS, "force": TIME},
-    Pressure: {"where": POSITIONS, "value": TIME},
-    Spring: {"where": POSITIONS, "to": POSITIONS, "rest": TIME},
-    Periodic: {"rate": TIME, "stress": TIME},
-}
 KINDS = (
     ("body", "skmpm.Body(points, material)", Body),
     ("wall", "skmpm.Wall(point, normal)", Wall),
@@ -55,8 +45,8 @@ def check_kinds(scene: Layout) -> None:
             name = kind if part is scene.periodic else f"{kind} {i}"
             if not isinstance(part, classes):
                 raise SceneError(f"{name} is a {type(part).__name__}; use {remedy}")
-            for what, arguments in next(own for of, own in FUNCTIONS.items() if isinstance(part, of)).items():
-                _check_function(f"{name}: {what}", getattr(part, what), arguments)
+            for what, of in may_be_functions(part).items():
+                _check_function(f"{name}: {what}", getattr(part, what), PLACES if of == POSITIONS else TIME)
 
 
 def _check_function(name: str, function: object, arguments: str) -> None:

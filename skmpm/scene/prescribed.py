@@ -7,7 +7,6 @@ forces drive have a velocity that is unknown along their normals and given acros
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -126,16 +125,6 @@ def prescribed_velocities(scene: Model, t: float, dt: float, box: Array | None =
     walls = scene.wall_velocities(middle)
     rigid, supports = (_rigid(scene, middle), _rigid(scene, t + dt)), _supports(scene, t, dt)
     return PrescribedVelocities(walls, *rigid, supports, walls, dt, at_end, box)
-
-
-def prescribed_motions(scene: Layout) -> list[Any]:
-    """What prescribes the motion of rigid bodies, walls, supports and box: constants and functions of time."""
-    rate = () if scene.periodic is None else (scene.periodic.rate,)
-    box = [each if callable(each) else np.ravel(np.asarray(each, dtype=float)) for each in rate]
-    motions = [body.motion for body in scene.bodies if body.motion is not None]
-    walls, supports = [wall.velocity for wall in scene.walls], [support.prescribed for support in scene.supports]
-    rotations = [support.rotation for support in scene.supports if support.rotation is not None]
-    return [*motions, *walls, *supports, *rotations, *box]
 
 
 def _rigid(scene: Model, t: float) -> Array:

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from skmpm.arrays import Array
 from skmpm.material import is_linear, viscosity_of
 from skmpm.observe import wetted_segments
-from skmpm.scene import Scene, State, gravity_at, prescribed_motions, stiffness_of
+from skmpm.scene import Scene, State, functions_of_time, gravity_at, stiffness_of
 from skmpm.scheme import Scheme
+from skmpm.step.driven import driven
 from skmpm.step.forces import Bars, Beds, DeadLoad, FollowerPressure, ViscousBulk
 from skmpm.step.terms import Configuration, Term
 
@@ -77,14 +78,9 @@ def equilibrium_depends_on_dt(scene: Scene) -> bool:
     They do if a load or a prescribed velocity is a function of time, if anything is prescribed to move, or if a
     material is viscous (resistance 2 eta / dt). Otherwise steps of all lengths have the same solutions.
     """
-    loads = [*(load.force for load in scene.dead_loads), *(pressure.value for pressure in scene.pressures)]
-    driving = [f for wall in scene.walls for f in (wall.force, wall.pressure)]
-    motions, ends = prescribed_motions(scene), [spring.rest for spring in scene.springs]
-    stress = None if scene.periodic is None else scene.periodic.stress
-    if any(callable(f) for f in (scene.gravity, *loads, *driving, *ends, *motions, stress)):
+    if callable(scene.gravity) or any(functions_of_time(scene)) or _viscous(scene):
         return True
-    moving = any(v for motion in motions for v in motion if v is not None)
-    return moving or _viscous(scene)
+    return any(speed > 0.0 for _, speed in driven(scene))
 
 
 def _viscous(scene: Scene) -> bool:

@@ -7,15 +7,14 @@ shortened. So pulses are seen that last a sixty-fourth of a step.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from skmpm.arrays import ROUND_OFF, Array
-from skmpm.scene import Scene, prescribed_motions
+from skmpm.scene import DISPLACEMENT, LOAD, VELOCITY, Periodic, Scene, Wall, functions_of_time
 
 Function = Callable[[float], ArrayLike]
 
@@ -39,15 +38,15 @@ class FunctionsOfTime:
     @classmethod
     def in_run(cls, scene: Scene, theta: float, times: Array) -> FunctionsOfTime:
         """The functions of time of a scene, and how large they are at some times of a run [s]."""
-
-        def with_size(functions: Iterable[Any]) -> tuple[tuple[Function, Array], ...]:
-            return tuple((f, np.abs(values_at(f, times)).max(axis=0)) for f in functions if callable(f))
-
-        displacements = [f for each in scene.supports for f in (each.displacement, each.rotation)]
-        velocities = [f for f in prescribed_motions(scene) if not any(f is each for each in displacements)]
-        on_bodies, driving = with_size(_on_bodies(scene)), with_size(_driving(scene))
-        others = with_size(velocities), with_size(displacements)
-        return cls(on_bodies + driving, *others, theta, bool(on_bodies))
+        found: dict[str, list[tuple[Function, Array]]] = {LOAD: [], VELOCITY: [], DISPLACEMENT: []}
+        of_bodies = callable(scene.gravity)
+        for part, kind, f in functions_of_time(scene):
+            of_bodies |= kind == LOAD and not isinstance(part, Wall | Periodic)
+            found[kind].append(_with_size(f, times))
+        if callable(scene.gravity):
+            gravity, X = scene.gravity, _some_points(scene)
+            found[LOAD].append(_with_size(lambda t: gravity(X.copy(), t), times))  # the function may work in place
+        return cls(tuple(found[LOAD]), tuple(found[VELOCITY]), tuple(found[DISPLACEMENT]), theta, of_bodies)
 
     @property
     def none(self) -> bool:
@@ -81,6 +80,11 @@ class FunctionsOfTime:
         return True
 
 
+def _with_size(f: Function, times: Array) -> tuple[Function, Array]:
+    """A function, and the largest value of every component at some times."""
+    return f, np.abs(values_at(f, times)).max(axis=0)
+
+
 def _relative(error: Array, values: Array, size: Array) -> float:
     """The largest error over the largest value of its component, of those in the step and that of the run."""
     largest = np.maximum(size, np.abs(values).max(axis=0))
@@ -94,26 +98,9 @@ def values_at(f: Function, times: Array) -> Array:
     return np.asarray(np.nan_to_num(np.array(each)), dtype=np.float64)
 
 
-def _on_bodies(scene: Scene) -> Iterator[Any]:
-    """Gravity, loads and the rest lengths of springs, constants and functions of time."""
-    if callable(scene.gravity):
-        gravity, X = scene.gravity, _some_points(scene)
-        yield lambda t: gravity(X.copy(), t)  # the function may work in place
-    yield from (load.force for load in scene.dead_loads)
-    yield from (pressure.value for pressure in scene.pressures)
-    yield from (spring.rest for spring in scene.springs)
-
-
 def _some_points(scene: Scene) -> Array:
     """Positions at t = 0 of points of all bodies that forces move, (2, k) [m]."""
     bodies = np.flatnonzero(scene.movable)
     first, last = scene.offsets[bodies], scene.offsets[bodies + 1] - 1
     each = np.linspace(first, last, max(3, -(-SAMPLES // bodies.size)))
     return scene.initial_positions[:, np.unique(each.astype(np.int64))]
-
-
-def _driving(scene: Scene) -> Iterator[Any]:
-    """What drives walls and a periodic box, constants and functions of time."""
-    yield from (f for wall in scene.walls for f in (wall.force, wall.pressure))
-    if scene.periodic is not None:
-        yield scene.periodic.stress

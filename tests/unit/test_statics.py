@@ -12,6 +12,7 @@ from skmpm import (
     LinearElastic,
     Load,
     NeoHookean,
+    Periodic,
     Pressure,
     Rigid,
     Scene,
@@ -178,6 +179,15 @@ def test_a_step_depends_on_dt_where_a_function_of_time_drives_a_wall(drive):
     for value, depends in ((2.0, False), (lambda t: 2.0 + t, True)):
         walls = [Wall((0, 0), (0, 1)), Wall((0, 1), (0, -1), **{drive: value})]
         assert equilibrium_depends_on_dt(Scene([block], cell=H, walls=walls)) == depends
+
+
+@pytest.mark.parametrize(("shear", "depends"), [(0.0, False), (0.1, True)])
+def test_a_step_depends_on_dt_where_a_box_is_sheared(shear, depends):
+    """Not by nan, the component of the rate that a stress determines."""
+    nan, rate = np.nan, [[0.0, shear], [0.0, np.nan]]
+    pressed_down = Periodic(2.0, 2.0, rate=rate, stress=[[nan, nan], [nan, -1.0]])
+    scene = Scene([Body(disc((0, 0), 0.5, spacing=0.75 * H), GEL)], cell=H, periodic=pressed_down)
+    assert equilibrium_depends_on_dt(scene) == depends
 
 
 def test_a_viscous_step_under_a_constant_load_is_retried():
