@@ -13,7 +13,7 @@ from skmpm.arrays import Array, Bools, Ints
 from skmpm.compiled import compiled
 from skmpm.linear import cholesky
 from skmpm.linear.blockwise import Rows, by_body, squares
-from skmpm.linear.solver import NotPositiveDefinite, Solver, half_bandwidth
+from skmpm.linear.solver import NotPositiveDefinite, Solver
 from skmpm.parallel import over_bodies
 
 # Entries of bands in one array: glibc returns larger ones to the system when they are freed, and their pages take as
@@ -91,10 +91,10 @@ def banded(A: sp.bsr_array, blocks: Ints, rigid_motions: Array) -> Solver:
     -0.00981
     """
     blocks = np.asarray(blocks, dtype=np.int64)
-    width, widest = half_bandwidth(A), cholesky.WIDEST
+    ends, heights = _profile(A, blocks)
+    width, widest = half_bandwidth(_lengths(ends, blocks)), cholesky.WIDEST
     if width > widest:
         raise ValueError(f"linear.banded: half bandwidth {width}, at most {widest}; use linear.amg")
-    ends, heights = _profile(A, blocks)
     offsets = np.append(0, np.cumsum(heights * np.diff(blocks)))
     chosen = np.ones(blocks.size - 1, dtype=bool)
     parts = np.searchsorted(offsets, np.arange(0, max(int(offsets[-1]), 1), PART))
@@ -115,7 +115,16 @@ def _factorised(factor: Banded, A: sp.bsr_array, chosen: Bools) -> Banded:
 
 def column_lengths(A: sp.bsr_array, blocks: Ints) -> Ints:
     """Entries below the diagonal of the Cholesky factor, in the column of each node's first unknown, (nodes,)."""
-    ends, _ = _profile(A, blocks)
+    return _lengths(_profile(A, blocks)[0], blocks)
+
+
+def half_bandwidth(lengths: Ints) -> int:
+    """Largest distance of an entry of the factor from the diagonal, from the lengths of its columns (nodes,)."""
+    return int(lengths.max(initial=1)) - 1
+
+
+def _lengths(ends: Ints, blocks: Ints) -> Ints:
+    """The lengths of columns (nodes,) that reach up to some rows (nodes,)."""
     unknown = 2 * np.arange(ends.size)
     return np.asarray(ends + blocks[np.searchsorted(blocks, unknown, side="right") - 1] - unknown)
 

@@ -12,11 +12,9 @@ from typing import Any, Protocol
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
 from skmpm.arrays import Array, Ints
-from skmpm.compiled import compiled
 
 
 @cache
@@ -60,18 +58,3 @@ class NotPositiveDefinite(np.linalg.LinAlgError):
 
 
 Linear = Callable[[sp.bsr_array, Ints, Array], Solver]
-
-
-def half_bandwidth(A: sp.bsr_array) -> int:
-    """Largest distance of an entry of A (n, n) from the diagonal."""
-    return 2 * _reach(A.indptr, A.indices) + 1
-
-
-@compiled
-def _reach(indptr: NDArray[np.integer], indices: NDArray[np.integer]) -> int:
-    """Largest distance of a block from the diagonal, in blocks."""
-    most = 0
-    for i in range(indptr.size - 1):
-        for e in range(indptr[i], indptr[i + 1]):
-            most = max(most, i - indices[e])
-    return most
