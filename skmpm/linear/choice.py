@@ -53,6 +53,11 @@ def direct(A: sp.bsr_array, blocks: Ints, rigid_motions: Array) -> Solver:
     -------
     the factorised matrix
 
+    Raises
+    ------
+    LinAlgError
+        if it is singular
+
     Examples
     --------
     >>> import skmpm
@@ -63,7 +68,10 @@ def direct(A: sp.bsr_array, blocks: Ints, rigid_motions: Array) -> Solver:
     >>> round(float(state.v[1].mean()), 5)
     -0.00981
     """
-    lu = spla.splu(A.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+    try:
+        lu = spla.splu(A.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+    except RuntimeError as error:
+        raise np.linalg.LinAlgError(f"linear.direct: {error}") from error
     return Direct(lu, blocks)
 
 

@@ -16,8 +16,7 @@ from skmpm import linear
 from skmpm.grid import build_grids
 from skmpm.grid.assembly import prepare
 from skmpm.linear import band
-from skmpm.linear.band import column_lengths
-from skmpm.linear.solver import half_bandwidth
+from skmpm.linear.band import column_lengths, half_bandwidth
 from skmpm.material import NeoHookean
 
 SOLVERS = {"banded": linear.banded, "amg": linear.amg, "direct": linear.direct}
@@ -183,10 +182,18 @@ def test_compliance_couples_only_places_that_share_a_body_and_empty_rows_stay_em
 
 
 def test_the_bandwidth_is_the_largest_distance_of_an_entry_from_the_diagonal():
-    A, *_ = system(1e-3)
+    A, blocks, _ = system(1e-3)
     entries = A.toarray()
     rows, columns = np.nonzero(entries)
-    assert np.abs(rows - columns).max() <= half_bandwidth(A) <= np.abs(rows - columns).max() + 1
+    farthest = np.abs(rows - columns).max()
+    assert farthest <= half_bandwidth(column_lengths(A, blocks)) <= farthest + 1
+
+
+def test_a_singular_matrix_is_an_error_of_linear_algebra_that_steps_catch():
+    A, blocks, motions = system(1e-3)
+    singular = sp.bsr_array((0.0 * A.data, A.indices, A.indptr), shape=A.shape)
+    with pytest.raises(np.linalg.LinAlgError, match=r"linear.direct: .*singular"):
+        linear.direct(singular, blocks, motions)
 
 
 def test_banded_refuses_an_indefinite_matrix():
