@@ -241,7 +241,7 @@ def scaled(W: Matrix, q: Array, mu: Array, contacts: int, reference: float | Non
     if is_sparse(W) and q.size > MAX_DENSE_ROWS:
         W = sp.csr_array(W, dtype=float)
         W = W if W.has_sorted_indices else W.sorted_indices()
-        response = diagonal(W)
+        response = W.diagonal()
         s, data = _roots(response, mu, contacts), np.empty_like(W.data)
         _divide(W.indptr, W.indices, W.data, s, data)
         W = sp.csr_array((data, W.indices, W.indptr), shape=W.shape)
@@ -257,28 +257,6 @@ def scaled(W: Matrix, q: Array, mu: Array, contacts: int, reference: float | Non
     slope = scaled_friction(mu, s[:contacts])
     reference = max(float(np.linalg.norm(q)) if reference is None else reference, TINY)
     return Problem(W, q, slope, reference, contacts, _slide(W, response / s**2, q, contacts, mu.size)), s
-
-
-def diagonal(W: sp.csr_array) -> Array:
-    """The diagonal of a sparse matrix whose columns ascend, (m,)."""
-    entries = np.zeros(W.shape[0])
-    _diagonal(W.indptr, W.indices, W.data, entries)
-    return entries
-
-
-@compiled
-def _diagonal(indptr: Ints, indices: Ints, data: Array, out: Array) -> None:
-    """Write the diagonal of a CSR matrix, zero before."""
-    for i in range(out.size):
-        first, last = indptr[i], indptr[i + 1]
-        while first < last:
-            middle = (first + last) // 2
-            if indices[middle] < i:
-                first = middle + 1
-            else:
-                last = middle
-        if first < indptr[i + 1] and indices[first] == i:
-            out[i] = data[first]
 
 
 @compiled
