@@ -279,5 +279,5 @@ class Derived:
     moment_fitting: bool  # whether the weights in `assembly` are fitted
     supports: Elimination | None  # of the unknowns that supports determine
     supporting: Ints  # (2, n) the support that prescribes each component of the points' velocities, -1 where none
-    configuration: object = None  # `implicit.Configuration` of the bodies at the displacement of the state, or None
+    configuration: object = None  # `step.terms.Configuration` of the bodies at the displacement of the state, or None
     of_materials: tuple[object, ...] = ()  # what the configuration depends on besides

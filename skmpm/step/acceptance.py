@@ -20,8 +20,8 @@ MAX_WALL_PENETRATION = 0.05  # [cells] (test_acceptance)
 UNRESOLVED_FOLD = 2.0
 FOLDS = "use smaller loads, a finer cell or rounder corners"
 PASSES = "use a smaller cell if these parts were less than a cell apart at the start"
-# Over the energy exchanged in a step (`_exchanged`): gain by negative curvature of the potential. A body that rotates
-# on what it is pressed on meets it up to a rotation of 0.02 to 0.04 rad.
+# Over the energy exchanged in a step (`Budget.exchanged`): gain by negative curvature of the potential. A body that
+# rotates on what it is pressed on meets it up to a rotation of 0.02 to 0.04 rad.
 CURVATURE_TOLERANCE = 0.01
 # Over the largest energy: gain of the energy that does not oscillate (`Budget.swing`) in all steps of a run with a
 # scheme that dissipates nothing.

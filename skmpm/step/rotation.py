@@ -62,12 +62,6 @@ class RigidMotion:
         """The mean velocities of bodies and their spins, (3, bodies) [m/s], from nodal velocities (2 nodes,)."""
         return np.asarray(self.resultants(np.repeat(self.mass, 2) * w) / self.total)
 
-    def at_nodes(self, velocity: Array) -> Array:
-        """The nodal velocities (2 nodes,) [m/s] of motions (3, bodies) [m/s]."""
-        x, y, spin = velocity[:, self.grid.node_body]
-        spin = spin / self.radius[self.grid.node_body]
-        return np.stack([x - spin * self.arm[1], y + spin * self.arm[0]], axis=1).ravel()
-
     def at_surface(self, velocity: Array) -> Array:
         """The speeds of surfaces, those of discs, by motions (3, bodies), (bodies,) [m/s]."""
         return np.asarray(np.hypot(velocity[0], velocity[1]) + np.sqrt(2.0) * np.abs(velocity[2]))
