@@ -12,7 +12,7 @@ from skmpm.outline.measures import bend
 from skmpm.preflight.metrics import SceneMetrics
 from skmpm.preflight.quantities import Reading, ceiled, floored
 from skmpm.scene import Scene
-from skmpm.step.driven import driven_by_force, loaded_bodies
+from skmpm.step.driven import driven_bodies, driven_by_force
 from skmpm.step.initial_state import initial_motion
 from skmpm.step.no_equilibrium import MIN_EDGE_RADIUS
 
@@ -47,7 +47,7 @@ def _reach(m: SceneMetrics) -> float:
 
     Without the end, or where forces drive bodies or walls, nothing is known of it.
     """
-    forces = loaded_bodies(m.scene).size or any(driven_by_force(m.scene))
+    forces = driven_bodies(m.scene).size or any(driven_by_force(m.scene))
     speed = m.fastest[1]
     return np.inf if m.until is None or forces or speed == 0.0 else m.cell + 2.0 * speed * m.until
 

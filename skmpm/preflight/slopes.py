@@ -51,9 +51,7 @@ def _gentle_slopes(scene: Scene, gravity: Array) -> Ints:
     boundary, x = scene.outlines, scene.initial_positions[:, scene.outlines.point]
     turn = np.abs(turning_angles(boundary, x))
     ends = (turn < STRAIGHT) | (np.cos(turn) < CORNER_COSINE)
-    along, held = x[:, boundary.next] - x, ~scene.movable
-    for place in scene.supported:
-        held[scene.owner[place.points]] = True
+    along, held = x[:, boundary.next] - x, ~scene.movable | scene.supported_bodies.any(axis=0)
     sides = ends & ends[boundary.next] & held[boundary.body] & _gentle(np.stack([along[1], -along[0]]), gravity)
     walls = -1 - np.flatnonzero(_gentle(scene.normals, gravity))
     return np.concatenate([walls, np.unique(boundary.body[sides])])

@@ -137,6 +137,29 @@ class Model(Layout):
         return np.flatnonzero((self.supporting >= 0).any(axis=0))
 
     @cached_property
+    def supported_bodies(self) -> Bools:
+        """Of which bodies supports prescribe each component of a velocity, (2, bodies)."""
+        return np.stack([self._bodies_of(np.flatnonzero(own >= 0)) for own in self.supporting])
+
+    @cached_property
+    def sprung_bodies(self) -> Bools:
+        """Which bodies springs act on, (bodies,)."""
+        return self._bodies_of(*(place.points for ends in self.sprung for place in ends.sets))
+
+    @cached_property
+    def loaded_bodies(self) -> Bools:
+        """Which bodies loads, pressures or springs act on, (bodies,)."""
+        pressed = [self.outlines.point[segments] for segments in self.pressed]
+        return self.sprung_bodies | self._bodies_of(*(place.points for place in self.loaded), *pressed)
+
+    def _bodies_of(self, *points: Ints) -> Bools:
+        """Which bodies have any of some points, (bodies,)."""
+        found = np.zeros(len(self.bodies), dtype=bool)
+        for each in points:
+            found[self.owner[each]] = True
+        return found
+
+    @cached_property
     def dead_loads(self) -> Sequence[Load]:
         """The loads that keep their direction."""
         return tuple(load for load in self.loads if isinstance(load, Load))

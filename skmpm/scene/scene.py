@@ -139,13 +139,8 @@ class Scene(Model):
             return np.zeros(len(self.bodies), dtype=bool)
         isotropic = {material: _isotropic(material) for material in self.materials}
         symmetric = [all(isotropic[m] for m in body.materials) and _rings(body) for body in self.bodies]
-        found = self.round & np.array(symmetric)
-        ends = [place for ends in self.sprung for place in ends.sets]
-        for place in (*self.supported, *self.loaded, *ends):
-            found[self.owner[place.points]] = False
-        for segments in self.pressed:
-            found[self.outlines.body[segments]] = False
-        return np.asarray(found)
+        acted_on = self.loaded_bodies | self.supported_bodies.any(axis=0)
+        return np.asarray(self.round & np.array(symmetric) & ~acted_on)
 
     @cached_property
     def free_to_turn(self) -> Bools:

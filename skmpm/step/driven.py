@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skmpm.arrays import Array, Bools, Ints
+from skmpm.arrays import Array, Ints
 from skmpm.scene import (
     Scene,
     State,
@@ -44,33 +44,20 @@ def moving(scene: Scene, state: State) -> Moving:
 
 def _of_loaded_bodies(scene: Scene, state: State) -> Array:
     """Speeds of bodies that have loads or springs, of rigid ones also at the rims as they turn [m/s]."""
-    free, loaded = free_components(scene), loaded_bodies(scene)
+    loaded = driven_bodies(scene)
     if loaded.size == 0:
         return np.zeros(0)
     owner, mass = scene.owner, scene.masses
     motion, radius = fitted_motions(state.x, state.v, mass, owner), np.zeros(len(scene.bodies))
     np.maximum.at(radius, owner, np.hypot(*(state.x - centres(state.x, mass, owner)[:, owner])))
     rims = np.where(scene.deformable, 0.0, radius * np.abs(motion[2]))
-    return np.maximum(np.hypot(*(free * motion[:2])), rims)[loaded]
+    return np.maximum(np.hypot(*(~scene.supported_bodies * motion[:2])), rims)[loaded]
 
 
-def free_components(scene: Scene) -> Bools:
-    """Which components of the motions of bodies no support holds, (2, bodies)."""
-    found = np.ones((2, len(scene.bodies)), dtype=bool)
-    for free, supporting in zip(found, scene.supporting, strict=True):
-        free[scene.owner[supporting >= 0]] = False
-    return found
-
-
-def loaded_bodies(scene: Scene) -> Ints:
-    """The bodies that have loads or springs and that supports do not hold; all where gravity is a function."""
-    loaded = scene.movable & callable(scene.gravity)
-    springs = [place for ends in scene.sprung for place in ends.sets]
-    for place in (*scene.loaded, *springs):
-        loaded[scene.owner[place.points]] = True
-    for segments in scene.pressed:
-        loaded[scene.outlines.body[segments]] = True
-    return np.flatnonzero(loaded & free_components(scene).any(axis=0))
+def driven_bodies(scene: Scene) -> Ints:
+    """The bodies that loads, springs or gravity that is a function drive, and supports do not hold."""
+    loaded = scene.loaded_bodies | (scene.movable & callable(scene.gravity))
+    return np.flatnonzero(loaded & ~scene.supported_bodies.all(axis=0))
 
 
 def driven_by_force(scene: Scene, t: float = 0.0) -> Iterator[tuple[str, float]]:

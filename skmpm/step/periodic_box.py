@@ -24,7 +24,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from skmpm import outline
-from skmpm.arrays import Array, Bools
+from skmpm.arrays import Array
 from skmpm.contact import Constraints
 from skmpm.contact.keys import recut_keys
 from skmpm.scene import Contacts, Periodic, PrescribedVelocities, Scene, State, centres, deformed, recut
@@ -69,6 +69,8 @@ class StressedBox(Unknowns):
         (i, j), dt = periodic.components, interval.dt
         length = np.diag(state.box)[j]
         mass = np.full(i.size, scene.mass if periodic.mass is None else float(periodic.mass))
+        # Moving those with supports or springs with the box would change the forces of springs.
+        carried = scene.movable & ~(scene.supported_bodies.any(axis=0) | scene.sprung_bodies) & interval.inertial
         return StressedBox(
             replace(interval, theta=1.0).inertia(mass, state.box_rate[i, j] * length),
             dt,
@@ -78,7 +80,7 @@ class StressedBox(Unknowns):
             periodic.rate_at(state.t + 0.5 * dt),
             periodic.stress_at(interval.t),
             length,
-            centres(state.x, state.mass, state.body) * (scene.movable & ~_held(scene) & interval.inertial),
+            centres(state.x, state.mass, state.body) * carried,
         )
 
     @property
@@ -138,13 +140,3 @@ class StressedBox(Unknowns):
         each = [d[i] * branch[j] * self._scale(z)[:, None] for d in directions]  # (q, k)
         rows = np.stack([block.T for block in each], axis=1).reshape(-1, i.size)
         return sp.csr_array(rows)
-
-
-def _held(scene: Scene) -> Bools:
-    """Bodies that supports or springs hold, (bodies,): moving with the box would change the forces of springs."""
-    held = np.zeros(len(scene.bodies), dtype=bool)
-    held[scene.owner[scene.held_points]] = True
-    for ends in scene.sprung:
-        for place in ends.sets:
-            held[scene.owner[place.points]] = True
-    return held

@@ -27,7 +27,7 @@ from scipy.spatial import KDTree
 from skmpm.arrays import Array
 from skmpm.scene import Scene, SceneError, State, centres, fitted_motions, normal_speeds
 from skmpm.scheme import Scheme
-from skmpm.step.driven import driven, driven_by_force, loaded_bodies, moving
+from skmpm.step.driven import driven, driven_bodies, driven_by_force, moving
 from skmpm.step.driven_walls import driving_forces
 from skmpm.stepping.functions_of_time import TIMES, FunctionsOfTime
 from skmpm.stepping.loading import gravity_of, settling, several, smallest_radii, strongest_gravity
@@ -227,7 +227,7 @@ def pace_of(
     return Pace(
         resolving,
         scheme.inertia,
-        scheme.inertia and bool(loaded_bodies(scene).size or scene.driven_walls.size or scene.stressed),
+        scheme.inertia and bool(driven_bodies(scene).size or scene.driven_walls.size or scene.stressed),
         min(np.inf if max_dt is None else max_dt, resolving if waves else np.inf),
         losses,
         scene.mass * float(0.5 * settling(scene, weight) ** 2 + np.hypot(*weight) * REST * scene.cell),
