@@ -9,7 +9,6 @@ published results and as the reference for point-to-curve contact.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -32,8 +31,15 @@ class _Nodes:
     prescribed: Array  # (2, nodes) [m/s]
 
 
-@dataclass(frozen=True)
-class SharedGrid:
+def shared_grid(
+    scene: Scene,
+    state: State,
+    grid: BodyGrids,
+    dt: float,
+    theta: float = 1.0,
+    motions: PrescribedVelocities | None = None,
+    inertia: bool = True,
+) -> Linearise:
     """Contact at grid nodes that bodies share; walls are slabs of rigid material points.
 
     Parameters
@@ -52,38 +58,24 @@ class SharedGrid:
     SceneError
         if the body grids are not rebuilt at every step
     """
-
-    at_grid_nodes: ClassVar[bool] = True  # and not between outlines, see `acts_at_grid_nodes`
-
-    def __call__(
-        self,
-        scene: Scene,
-        state: State,
-        grid: BodyGrids,
-        dt: float,
-        theta: float = 1.0,
-        motions: PrescribedVelocities | None = None,
-        inertia: bool = True,
-    ) -> Linearise:
-        """The constraints, as of the class."""
-        unknown = scene.deformable[state.body]
-        if not np.array_equal(state.x_anchor, state.x):
-            raise SceneError(
-                "shared_grid needs body grids rebuilt at every step; use Scheme(anchor=0) or Scheme.nezamabadi2017()"
-            )
-        motions = prescribed_velocities(scene, state.t, dt) if motions is None else motions
-        nodes = joined(
-            [
-                _deformable(grid, state.mass[unknown]),
-                _rigid(scene, state, grid.cell, motions.rigid),
-                _walls(scene, state, grid.cell, motions.walls.T),
-            ]
+    unknown = scene.deformable[state.body]
+    if not np.array_equal(state.x_anchor, state.x):
+        raise SceneError(
+            "shared_grid needs body grids rebuilt at every step; use Scheme(anchor=0) or Scheme.nezamabadi2017()"
         )
-        constraints = _constraints(scene, nodes, *_pairs(nodes), grid)
-        return lambda w: constraints
+    motions = prescribed_velocities(scene, state.t, dt) if motions is None else motions
+    nodes = joined(
+        [
+            _deformable(grid, state.mass[unknown]),
+            _rigid(scene, state, grid.cell, motions.rigid),
+            _walls(scene, state, grid.cell, motions.walls.T),
+        ]
+    )
+    constraints = _constraints(scene, nodes, *_pairs(nodes), grid)
+    return lambda w: constraints
 
 
-shared_grid = SharedGrid()
+shared_grid.at_grid_nodes = True  # type: ignore[attr-defined]  # and not between outlines, see `acts_at_grid_nodes`
 
 
 def _deformable(grid: BodyGrids, mass: Array) -> _Nodes:

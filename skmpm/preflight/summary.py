@@ -116,9 +116,8 @@ class Preflight(SceneMetrics):
     def _contact(self) -> str:
         if not self.touches:
             return "of bodies with themselves only"
-        contact, name = self.scheme.contact, "shared grid"
-        if not acts_at_grid_nodes(contact):
-            name = getattr(contact, "__name__", type(contact).__name__).replace("_", " ")
+        contact = self.scheme.contact
+        name = getattr(contact, "__name__", type(contact).__name__).replace("_", " ")
         cohesion = f", cohesion up to {self.cohesion:g} Pa" if self.cohesion else ""
         return f"{name}, {self.scene.frictions}{cohesion}"
 

@@ -93,7 +93,7 @@ def test_results_say_their_numbers(pressed):
 def test_a_scheme_shows_what_is_chosen():
     assert repr(Scheme()) == "Scheme()"
     chosen = Scheme.nezamabadi2017()
-    assert repr(chosen) == "Scheme(anchor=0.0, contact=SharedGrid(), moment_fitting=False, mean_dilatation=False)"
+    assert repr(chosen) == "Scheme(anchor=0.0, contact=shared_grid, moment_fitting=False, mean_dilatation=False)"
     assert eval(repr(Scheme(inertia=False, newton_tol=1e-6))) == Scheme(inertia=False, newton_tol=1e-6)
 
 
