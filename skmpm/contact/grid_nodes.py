@@ -17,7 +17,7 @@ from skmpm.arrays import Array, Ints
 from skmpm.contact.constraints import Constraints, Linearise, SurfaceGeometry
 from skmpm.contact.rows import joined
 from skmpm.grid import BodyGrids, build_grids
-from skmpm.scene import PrescribedVelocities, Scene, SceneError, State, centres, prescribed_velocities
+from skmpm.scene import PrescribedVelocities, Scene, SceneError, State, prescribed_velocities
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def _rigid(scene: Scene, state: State, cell: float, motions: Array) -> _Nodes:
     spin = motions[2, nodes.body]
     if not spin.any():
         return nodes
-    arm = cell * nodes.index - centres(state.x, state.mass, state.body)[:, nodes.body]
+    arm = cell * nodes.index - state.centres[:, nodes.body]
     return replace(nodes, prescribed=nodes.prescribed + spin * np.stack([-arm[1], arm[0]]))
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from skmpm.arrays import Array, Ints
 from skmpm.outline.images import Images
-from skmpm.scene import PrescribedVelocities, Scene, State, centres, mean_velocity
+from skmpm.scene import PrescribedVelocities, Scene, State, mean_velocity
 
 # [cells]; a point that approaches further within a Newton iteration is detected in the next one (test_contact).
 DETECTION_DISTANCE = 0.25
@@ -43,7 +43,7 @@ class Motion:
         if self.box is None or state.box_rate is None:
             return 0.0
         change = self._stretch(*self.box) / self.dt - state.box_rate
-        return np.asarray((change @ centres(state.x, state.mass, state.body))[:, state.body])
+        return np.asarray((change @ state.centres)[:, state.body])
 
     def largest(self, moved: Array, start: Array) -> float:
         """The largest displacement of boundary points, from `start` by `moved` (2, m) [m].
@@ -76,6 +76,6 @@ def rigid_velocities(scene: Scene, state: State, rigid: Array, dt: float) -> Arr
         return np.zeros((2, boundary.size))
     velocity = rigid[:2, boundary.body]
     if rigid[2].any():
-        arm = state.x[:, boundary.point] - centres(state.x, state.mass, state.body)[:, boundary.body]
+        arm = state.x[:, boundary.point] - state.centres[:, boundary.body]
         velocity = mean_velocity(arm, rigid[:, boundary.body], dt)
     return velocity

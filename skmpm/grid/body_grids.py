@@ -227,6 +227,10 @@ class BodyGrids:
         (total,) = self.sums(weight[None])
         return np.asarray(self.sums(weight * values) / np.maximum(total, 1e-300))
 
+    def at(self, displacement: Array) -> Array:
+        """Positions (2, nodes) [m] of the nodes at a displacement (2 nodes,) [m]."""
+        return np.asarray(self.position + displacement.reshape(-1, 2).T)
+
     def arms(self, x: Array, weight: Array | None = None) -> Array:
         """Nodal positions x (2, nodes) [m] relative to the means of their bodies, weighted by (nodes,)."""
         return np.asarray(x - self.means(x, weight)[:, self.node_body])

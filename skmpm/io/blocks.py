@@ -18,7 +18,7 @@ from skmpm import outline
 from skmpm.arrays import Array, Ints
 from skmpm.material import determinant
 from skmpm.observe import force_lines, network, observe
-from skmpm.scene import Scene, State, box_corners, centres, into_box, plastic_strain, stress_zz, view_of, wall_lines
+from skmpm.scene import Scene, State, box_corners, into_box, plastic_strain, stress_zz, view_of, wall_lines
 
 VERSION = np.array([2, 3])
 KINDS = ("Vertices", "Lines", "Polygons", "Strips")  # in the order of the format's offsets, and of data of cells
@@ -144,7 +144,7 @@ def write(data: Any, start: int, values: Any) -> None:
 
 def blocks_of(scene: Scene, state: State) -> dict[str, PolyData]:
     """The blocks of a state by name."""
-    shift = into_box(centres(state.x, state.mass, state.body), state.box)
+    shift = into_box(state.centres, state.box)
     blocks = {
         "points": _points(scene, state, shift),
         "bodies": _bodies(scene, state, shift),

@@ -21,7 +21,7 @@ from skmpm.observe.sides import contact_lengths
 from skmpm.optional import data_frame
 from skmpm.outline import Outlines
 from skmpm.representation import with_shapes
-from skmpm.scene import Scene, State, centres
+from skmpm.scene import Scene, State
 
 MARGIN = 2.0  # mean diameters between the walls and the interior
 
@@ -96,7 +96,7 @@ def per_body(scene: Scene, state: State, *, interior: bool) -> PerBody:
     boundary, x = scene.outlines, state.x[:, scene.outlines.point]
     initial = np.array([body.points.volume.sum() for body in scene.bodies])
     volume = np.add.reduceat(state.volume, start)
-    mass, centre = np.add.reduceat(state.mass, start), centres(state.x, state.mass, state.body)
+    mass, centre = np.add.reduceat(state.mass, start), state.centres
     diameter = 2.0 * np.sqrt(initial / np.pi)
     smooth = outline.curve(boundary, scene.initial_positions[:, boundary.point]).through(x)
     area = np.where(scene.outlined, smooth.area(n), np.nan)

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from skmpm.arrays import Array
 from skmpm.observe.regions import contains, region
 from skmpm.outline.images import heights, lattice_vectors
-from skmpm.scene import Scene, SceneError, State, centres, check_fits
+from skmpm.scene import Scene, SceneError, State, check_fits
 
 DIAMETERS = 4.0  # mean diameters up to which the function is computed by default
 
@@ -69,7 +69,7 @@ def pair_correlation(
     if largest is None:
         area = np.add.reduceat(scene.initial_volumes, scene.offsets[:-1])[own]
         largest = DIAMETERS * float(2.0 * np.sqrt(area / np.pi).mean())
-    centre, normal = centres(state.x, state.mass, state.body)[:, own], scene.normals
+    centre, normal = state.centres[:, own], scene.normals
     inner = region(normal, state.walls.T + largest * normal, state.box)
     every = centre if state.box is None else _images(centre, state.box, largest)
     chosen = contains(inner, centre)

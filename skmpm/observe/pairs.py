@@ -13,7 +13,7 @@ from skmpm.observe.pair_correlation import check_bins
 from skmpm.observe.sides import contact_lengths
 from skmpm.optional import data_frame
 from skmpm.representation import line, quantity
-from skmpm.scene import Scene, State, centres, check_fits
+from skmpm.scene import Scene, State, check_fits
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -229,4 +229,4 @@ def _ends(scene: Scene, state: State, body: Ints, centre: Array) -> Array:
     A box that is periodic in both directions has no outside: all bodies in it have their centres there.
     """
     own = (body >= 0) & scene.inside[np.maximum(body, 0)]
-    return np.where(own, centres(state.x, state.mass, state.body)[:, np.maximum(body, 0)], centre)
+    return np.where(own, state.centres[:, np.maximum(body, 0)], centre)

@@ -15,7 +15,7 @@ from skmpm.io import Frame
 from skmpm.observe import force_lines, network
 from skmpm.outline import Polylines
 from skmpm.outline.polylines import joined
-from skmpm.scene import Scene, State, centres, into_box, mises, plastic_strain, stress_zz
+from skmpm.scene import Scene, State, into_box, mises, plastic_strain, stress_zz
 
 PARTS = 6  # lines between two boundary points: at 300 dpi a disc of 30 of them is round
 
@@ -56,7 +56,7 @@ class Snapshot:
 
 def of_state(scene: Scene, state: State) -> Snapshot:
     """What is drawn of a state that belongs to the scene: the curves on which contact acts, the contact network."""
-    place, shift = scene.outlines.point, into_box(centres(state.x, state.mass, state.body), state.box)
+    place, shift = scene.outlines.point, into_box(state.centres, state.box)
     x = state.x + shift[:, state.body]
 
     def forces() -> tuple[Array, Array]:

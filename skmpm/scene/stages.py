@@ -14,7 +14,7 @@ from skmpm.scene.check import check_walls
 from skmpm.scene.fits import STAYS_RIGID, check_fits
 from skmpm.scene.objects import Body
 from skmpm.scene.point_sets import support_arms, support_rotations
-from skmpm.scene.prescribed import centres, normal_speeds, with_normal_speeds
+from skmpm.scene.prescribed import normal_speeds, with_normal_speeds
 from skmpm.scene.renumbered import of_bodies, renumbered
 from skmpm.scene.report import StepControl
 from skmpm.scene.scene import Scene
@@ -131,7 +131,7 @@ def at_rest(scene: Scene, state: State) -> State:
     """
     check_fits(scene, state, "at_rest")
     rate = None if scene.periodic is None else scene.periodic.rate_at(state.t)
-    with_box = 0.0 if rate is None else rate @ centres(state.x, state.mass, state.body)[:, state.body]
+    with_box = 0.0 if rate is None else rate @ state.centres[:, state.body]
     walls = scene.wall_velocities(state.t)
     v = np.where(scene.movable[scene.owner], with_box, state.v)
     for place, velocity in zip(scene.supported, scene.support_velocities(state.t), strict=True):

@@ -225,6 +225,11 @@ class State:
         return self.derived
 
     @property
+    def centres(self) -> Array:
+        """Centres of mass of all bodies, (2, bodies) [m]."""
+        return centres(self.x, self.mass, self.body)
+
+    @property
     def body_force(self) -> Array:
         """Resultant of the contact forces of the last step on each body, rigid ones included, (2, bodies) [N/m]."""
         return np.stack([self._on_bodies(component, component) for component in self.contacts.vectors])
@@ -235,7 +240,7 @@ class State:
         fx, fy = self.contacts.vectors
         arms = (self.contacts.at(side) for side in (0, 1))
         moment = self._on_bodies(*(x * fy - y * fx for x, y in arms))
-        cx, cy = centres(self.x, self.mass, self.body)
+        cx, cy = self.centres
         (rx, ry) = self.body_force
         return np.asarray(moment - (cx * ry - cy * rx))
 

@@ -9,7 +9,7 @@ from skmpm.arrays import Array, Ints
 from skmpm.contact import acts_at_grid_nodes
 from skmpm.material import Rigid, determinant, is_linear
 from skmpm.outline.crossings import apart
-from skmpm.scene import MAX_OVERLAP, TOUCHING, Scene, State, centres, fitted_motions, material_at, overlaps
+from skmpm.scene import MAX_OVERLAP, TOUCHING, Scene, State, fitted_motions, material_at, overlaps
 from skmpm.scheme import Scheme
 from skmpm.step.errors import StepRejected, pair, place
 from skmpm.step.statics import TOO_FAR
@@ -130,7 +130,7 @@ def _exchanged_at_contacts(before: State, after: State) -> float:
     of the contact point about the centre by rotation. The sum of the works may be zero, as for a body that rolls on a
     floor or is carried by a plate. R is a share of this bound, the displacements over the radii of curvature.
     """
-    contacts, centre = after.contacts, centres(after.x, after.mass, after.body)
+    contacts, centre = after.contacts, after.centres
     *mean, turned = fitted_motions(after.x, after.x - before.x, after.mass, after.body)
     moved = np.stack(mean)
     path, displacement = np.zeros(contacts.gap.size), []

@@ -17,7 +17,6 @@ from skmpm.scene import (
     PrescribedVelocities,
     Scene,
     State,
-    centres,
     mean_velocity,
     support_angle,
     velocity_at,
@@ -67,8 +66,7 @@ def _of_motion(state: State, increment: Increment, end: End, after: State) -> Bu
         swing = float(kinetic[1] - 0.5 * kinetic.sum())
     else:
         of_box, there = (
-            increment.of_bodies(rate @ centres(each.x, each.mass, each.body))
-            for rate, each in ((gradient, state), (after.box_rate, after))
+            increment.of_bodies(rate @ each.centres) for rate, each in ((gradient, state), (after.box_rate, after))
         )
         kinetic = np.array([kinetic_energy(mass, v) for v in (v0 - of_box, v1 - there)])
         at_rate = kinetic_energy(mass, v1 - of_box)
@@ -139,7 +137,7 @@ def _passing(scene: Scene, state: State, increment: Increment, constraints: Cons
     if not turning.any() or constraints.size == 0:
         return 0.0
     boundary, dt = scene.outlines, increment.dt
-    arm = state.x[:, boundary.point] - centres(state.x, state.mass, state.body)[:, boundary.body]
+    arm = state.x[:, boundary.point] - state.centres[:, boundary.body]
     motions = end.motions.rigid[:, boundary.body] * turning[boundary.body]
     chord = mean_velocity(arm, motions, dt)
     passing = velocity_at(arm + dt * (chord - motions[:2]), motions) - chord
@@ -164,7 +162,7 @@ def _surface_velocity(scene: Scene, state: State, motions: PrescribedVelocities,
     """Prescribed velocities (2, k) [m/s] of the first or second bodies at the contacts, zero for movable ones."""
     contacts = state.contacts
     body = contacts.bodies[side]
-    arm = contacts.at(side) - centres(state.x, state.mass, state.body)[:, np.maximum(body, 0)]
+    arm = contacts.at(side) - state.centres[:, np.maximum(body, 0)]
     prescribed = motions.rigid * scene.held_components
     of_bodies, walls = velocity_at(arm, prescribed[:, np.maximum(body, 0)]), np.zeros_like(contacts.x)
     if motions.walls.size:

@@ -31,8 +31,7 @@ def place(x: Array, cell: float) -> str:
 
 def at_node(grid: BodyGrids, node: int, displacement: Array) -> str:
     """The body of a node, and the position of the node at a displacement (2 nodes,), as text."""
-    x = grid.position[:, node] + displacement.reshape(-1, 2)[node]
-    return f"body {grid.node_body[node]} near {place(x, grid.cell)}"
+    return f"body {grid.node_body[node]} near {place(grid.at(displacement)[:, node], grid.cell)}"
 
 
 def at_point(grid: BodyGrids, point: int, displacement: Array) -> str:

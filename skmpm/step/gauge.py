@@ -25,7 +25,7 @@ import numpy as np
 
 from skmpm.arrays import ROUND_OFF, Array, Bools
 from skmpm.grid import BodyGrids
-from skmpm.scene import Scene, State, centres
+from skmpm.scene import Scene, State
 from skmpm.scheme import Scheme
 from skmpm.step.forces import DeadLoad
 from skmpm.step.terms import ENERGY_TOLERANCE, Term
@@ -112,7 +112,7 @@ def gauge_condition(
     if not held.any():
         return None
     grid, mass = state.grids.assembly.grid, state.grids.assembly.mass
-    arm = grid.arms(grid.position + state.displacement.reshape(-1, 2).T, mass[::2]) * held[grid.node_body]
+    arm = grid.arms(grid.at(state.displacement), mass[::2]) * held[grid.node_body]
     dropped = _unstable(state, interval) if scheme.inertia else held
     gauge = Gauge(grid, np.stack([-arm[1], arm[0]], axis=1).ravel(), mass, dropped)
     if callable(scene.gravity):
@@ -144,7 +144,7 @@ def _touching(scene: Scene, state: State) -> Bools:
 def _unstable(state: State, dt: float) -> Bools:
     """Bodies whose rotation is unstable under their last contact forces in steps of dt, (bodies,)."""
     count = int(state.body.max()) + 1
-    centre = centres(state.x, state.mass, state.body)
+    centre = state.centres
     arm = state.x - centre[:, state.body]
     inertia = np.bincount(state.body, state.mass * (arm**2).sum(axis=0), count)
     virial, force = np.zeros(count), state.contacts.vectors

@@ -107,7 +107,7 @@ def _stabilised(
 def _rotational_stiffness(increment: Increment, A: sp.bsr_array, configuration: Configuration) -> Array:
     """Quadratic forms of A for the rotations of bodies about their centres, over that of the mass (bodies,)."""
     grid, mass = increment.grid, increment.bulk.assembly.mass
-    arm = grid.arms(grid.position + configuration.displacement.reshape(-1, 2).T, mass[::2])
+    arm = grid.arms(grid.at(configuration.displacement), mass[::2])
     rotation = np.stack([-arm[1], arm[0]], axis=1).ravel()
     quadratic = np.stack([mass * rotation**2, rotation * (A @ rotation)])
     inertia, stiffness = grid.sums(quadratic[:, ::2] + quadratic[:, 1::2])

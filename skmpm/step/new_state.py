@@ -17,7 +17,6 @@ from skmpm.scene import (
     PrescribedVelocities,
     Scene,
     State,
-    centres,
     mean_velocity,
     support_angle,
     velocity_at,
@@ -103,7 +102,7 @@ def _with_points(old: Array, own: Bools | slice, new: Array) -> Array:
 def _rigid_points(state: State, motions: PrescribedVelocities, prescribed: Bools, dt: float) -> tuple[Array, Array]:
     """Positions and velocities (2, k) of the points of rigid bodies at the end of the step."""
     body, now = state.body[prescribed], state.x[:, prescribed]
-    centre = centres(state.x, state.mass, state.body)[:, body]
+    centre = state.centres[:, body]
     x = now + dt * mean_velocity(now - centre, motions.rigid[:, body], dt)
     ahead = centre + dt * motions.rigid[:2, body]
     return x, velocity_at(x - ahead, motions.rigid_at_end[:, body])

@@ -91,7 +91,7 @@ def _corner_of(increment: Increment, constraints: Constraints, contact: int, bod
     of_body = deformable[owner == body]
     if of_body.size == 0:
         return False
-    x = (constraints.base[of_body] @ (grid.position + increment.displacement_at_start.reshape(-1, 2).T).T).T
+    x = (constraints.base[of_body] @ grid.at(increment.displacement_at_start).T).T
     nearest = int(np.argmin(np.hypot(*(x - constraints.x[:, contact, None]))))
     a, b, c = x[:, [nearest - 1, nearest, (nearest + 1) % of_body.size]].T
     ahead, back = c - b, b - a

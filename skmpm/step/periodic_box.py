@@ -27,7 +27,7 @@ from skmpm import outline
 from skmpm.arrays import Array
 from skmpm.contact import Constraints
 from skmpm.contact.keys import recut_keys
-from skmpm.scene import Contacts, Periodic, PrescribedVelocities, Scene, State, centres, deformed, recut
+from skmpm.scene import Contacts, Periodic, PrescribedVelocities, Scene, State, deformed, recut
 from skmpm.step.scalar_unknowns import Interval, Unknowns
 from skmpm.step.terms import Budget, Path
 
@@ -37,7 +37,7 @@ def velocity_of_box(state: State, gradient: Array | None) -> Array:
     grid = state.grids.assembly.grid
     if gradient is None:
         return np.zeros(2 * grid.nodes)
-    return np.asarray((gradient @ centres(state.x, state.mass, state.body))[:, grid.node_body].T.ravel())
+    return np.asarray((gradient @ state.centres)[:, grid.node_body].T.ravel())
 
 
 def recut_box(scene: Scene, box: Array | None, contacts: Contacts) -> tuple[Array | None, Contacts]:
@@ -80,7 +80,7 @@ class StressedBox(Unknowns):
             periodic.rate_at(state.t + 0.5 * dt),
             periodic.stress_at(interval.t),
             length,
-            centres(state.x, state.mass, state.body) * carried,
+            state.centres * carried,
         )
 
     @property

@@ -46,7 +46,7 @@ class RigidMotion:
     def at_start(increment: Increment) -> RigidMotion:
         """The rigid motions of the bodies of a step; those on the gauge turn freely."""
         grid, mass = increment.grid, increment.bulk.assembly.mass[::2]
-        arm = grid.arms(grid.position + increment.displacement_at_start.reshape(-1, 2).T, mass)
+        arm = grid.arms(grid.at(increment.displacement_at_start), mass)
         radius = np.maximum(grid.radii_of_gyration(arm, mass), 1e-300)
         turns = np.ones(grid.bodies, dtype=bool) if increment.gauge is None else ~increment.gauge.bodies
         return RigidMotion(grid, mass, arm, np.maximum(grid.sums(mass[None])[0], 1e-300), radius, turns)
@@ -208,7 +208,7 @@ def turned_solver(increment: Increment, solver: Solver, old: Array, new: Array) 
     Rotations are those that fit best by mass. Bodies on the gauge do not turn.
     """
     grid, weight = increment.grid, increment.bulk.assembly.lumped[::2]
-    a, b = (grid.arms(grid.position + u.reshape(-1, 2).T, weight) for u in (old, new))
+    a, b = (grid.arms(grid.at(u), weight) for u in (old, new))
     moments = grid.sums(np.stack([weight * (a[0] * b[1] - a[1] * b[0]), weight * (a * b).sum(axis=0)]))
     angle = np.arctan2(moments[0], moments[1])
     if increment.gauge is not None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from skmpm.arrays import Array
 from skmpm.grid.transfer import nodal_velocity
-from skmpm.scene import PrescribedVelocities, Scene, State, centres, velocity_at
+from skmpm.scene import PrescribedVelocities, Scene, State, velocity_at
 from skmpm.scheme import Scheme
 from skmpm.step.derived import bulk_of
 from skmpm.step.driven_walls import DrivenWalls
@@ -72,7 +72,7 @@ def _prescribed(scene: Scene, state: State, motions: PrescribedVelocities) -> It
     for place, velocity, free in each:
         yield velocity[~free], state.v[:, place.points].mean(axis=1)[~free]
     held = np.flatnonzero(~scene.movable).tolist()
-    centre = centres(state.x, state.mass, state.body) if held else np.zeros((2, 0))
+    centre = state.centres if held else np.zeros((2, 0))
     for b in held:
         own = slice(scene.offsets[b], scene.offsets[b + 1])
         arm = state.x[:, own] - centre[:, b : b + 1]

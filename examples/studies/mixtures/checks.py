@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 import skmpm
-from skmpm.scene import centres
 
 
 def pressure(scene: skmpm.Scene, state: skmpm.State) -> float:
@@ -14,7 +13,7 @@ def pressure(scene: skmpm.Scene, state: skmpm.State) -> float:
     The mean stress of a body at rest is the moment of the forces on its boundary over its area. `observe` takes
     branches from centre to centre instead, and no stress of points.
     """
-    x, contacts = centres(state.x, state.mass, state.body), state.contacts
+    x, contacts = state.centres, state.contacts
     inside = 0.0
     for side, (body, sign) in enumerate(zip(contacts.bodies, (1.0, -1.0), strict=True)):
         hard = ~scene.deformable[body]
@@ -33,7 +32,7 @@ def overlap_of_rigid_discs(scene: skmpm.Scene, state: skmpm.State) -> float:
     """The largest overlap of two rigid discs [m], of the distances of their centres; zero if none touch."""
     hard = np.flatnonzero(~scene.deformable)
     radius = np.sqrt(np.bincount(state.body, state.volume)[hard] / np.pi)
-    x = centres(state.x, state.mass, state.body)[:, hard]
+    x = state.centres[:, hard]
     first, second = np.triu_indices(hard.size, k=1)
     apart = np.linalg.solve(state.box, x[:, first] - x[:, second])
     distance = np.hypot(*(state.box @ (apart - np.rint(apart))))

@@ -9,7 +9,6 @@ import numpy as np
 from scipy.spatial import KDTree
 
 import skmpm
-from skmpm.scene import centres
 
 from . import scenes, study
 from .curves import Member
@@ -80,7 +79,7 @@ def network(state: skmpm.State) -> Network:
     total = np.array([np.bincount(of, component, k) for component in force])
     weight = np.hypot(*force)
     touched = np.array([np.bincount(of, weight * c, k) for c in x]) / np.bincount(of, weight, k)
-    centre = centres(state.x, state.mass, state.body)
+    centre = state.centres
     wall = pairs[1] < 0
     one, other = centre[:, pairs[0]], np.where(wall, touched, centre[:, np.maximum(pairs[1], 0)])
     branch = np.where(wall, 2.0, 1.0) * (one - other)

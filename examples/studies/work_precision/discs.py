@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import skmpm
-from skmpm.scene import centres, fitted_motions
+from skmpm.scene import fitted_motions
 
 from .meter import Meter
 from .parameters import Setting, scheme_of
@@ -160,7 +160,7 @@ def watched(scene: skmpm.Scene, state: skmpm.State, thickness: float, height: fl
 def pressures(scene: skmpm.Scene, state: skmpm.State, fraction: float) -> dict[str, float]:
     """Of the contact forces (Love and Weber), for both kinds of walls [Pa], and the force on the lid [N/m]."""
     found, soft = state.contacts, scene.deformable
-    force, centre = found.vectors, centres(state.x, state.mass, state.body)
+    force, centre = found.vectors, state.centres
     trace = 0.0
     for body, sign in zip(found.bodies, (1.0, -1.0), strict=True):
         mine = (body >= 0) & soft[body]
