@@ -9,9 +9,8 @@ from numbers import Real
 
 import numpy as np
 
-from skmpm.arrays import Array, Bools
+from skmpm.arrays import Array
 from skmpm.contact.closest_points import with_largest_forces
-from skmpm.linear import Delassus
 from skmpm.linear.solver import one_thread
 from skmpm.observe import with_fluids
 from skmpm.parallel import threads
@@ -98,9 +97,9 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
         check_connected(scene, state)
         check_parts_apart(scene, state, scheme)
         with one_thread(), threads(scheme.threads), np.errstate(all="raise", under="ignore"):
-            factor, delassus = take(scene, state, increment)
+            factor = take(scene, state, increment)
             timer.lap("factorisation")
-            problem_of = partial(_contact_problem, scene, increment, motions, timer, delassus)
+            problem_of = partial(_contact_problem, scene, increment, motions, timer)
             if scheme.inertia:
                 solution = advance(increment, problem_of(state), factor, timer)
             else:
@@ -148,7 +147,6 @@ def _contact_problem(
     increment: Increment,
     motions: PrescribedVelocities,
     timer: Timer,
-    delassus: Delassus | Bools | None,
     state: State,
 ) -> ContactProblem | None:
     """The contact problem of the step, with the contact points to which the velocities of a state lead.
@@ -162,7 +160,7 @@ def _contact_problem(
     timer.lap("detection")
     known = KnownForces(contacts.key, contacts.force)
     held = scene.supporting >= 0
-    return ContactProblem(linearise, increment, motions, known, timer, held, delassus)
+    return ContactProblem(linearise, increment, motions, known, timer, held)
 
 
 def _fastest(scene: Scene, state: State, motions: PrescribedVelocities, dt: float) -> float:

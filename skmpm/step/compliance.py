@@ -7,7 +7,7 @@ so that W would become dense. In large problems they stay bilateral unknowns.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -18,6 +18,7 @@ from skmpm.linear import Delassus, Solver
 from skmpm.linear.corrected import Joined, Rotated
 from skmpm.step.contact_problem import ContactIterate
 from skmpm.step.contact_stiffness import ContactStiffness
+from skmpm.step.factor import Factor
 
 
 @dataclass(frozen=True)
@@ -95,21 +96,22 @@ def _padded(rows: sp.csr_array, shape: tuple[int, int]) -> sp.csr_array:
 
 
 def delassus_matrix(
-    contact: ContactIterate, solver: Solver, geometric: ContactStiffness | None
-) -> tuple[sp.csr_array, list[Border], Delassus]:
+    contact: ContactIterate, solver: Solver, factor: Factor, geometric: ContactStiffness | None
+) -> tuple[sp.csr_array, list[Border], Factor]:
     """W = theta H A^-1 H^T of the contacts, extended by the rows and columns of the geometric stiffness.
 
-    Also returns the borders of it that bars and a box are, and the operator with the columns computed so far.
+    The solver is that of the factor, turned. Also returns the borders of W that bars and a box are, and the factor
+    with the responses of the contact points in W.
     """
-    constraints, increment, delassus = contact.constraints, contact.increment, contact.problem.delassus
+    constraints, increment, delassus = contact.constraints, contact.increment, factor.delassus
     joining = solver if isinstance(solver, Joined) else None
     turned = solver if isinstance(solver, Rotated) else None
     solver = solver.solver if isinstance(solver, (Joined, Rotated)) else solver
     owners = _owners(contact)
-    if not isinstance(delassus, Delassus):
+    if delassus is None:
         reused = increment.bulk.linear and increment.scheme.anchor > 0.0
         reused &= solver.name != "amg"  # needs a solve per contact point: only for those in contact
-        delassus = Delassus.with_factor(solver, constraints.base, owners, delassus, whole=reused)
+        delassus = Delassus.with_factor(solver, constraints.base, owners, factor.points, whole=reused)
     left = right = constraints.D
     if geometric is not None:
         left, right = (
@@ -123,7 +125,7 @@ def delassus_matrix(
         W, bars = with_bars(contact, joining, W, left, right)
     if increment.scalars.kinds:
         W, box = with_scalars(contact, W, geometric)
-    return W, [border for border in (bars, box) if border is not None], delassus
+    return W, [border for border in (bars, box) if border is not None], replace(factor, delassus=delassus)
 
 
 def _owners(contact: ContactIterate) -> Ints:

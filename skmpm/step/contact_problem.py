@@ -16,7 +16,6 @@ from skmpm.arrays import EXACT, ROUND_OFF, Array, Bools, Ints
 from skmpm.contact import Constraints, Linearise
 from skmpm.grid import BodyGrids
 from skmpm.grid.supports import Elimination
-from skmpm.linear import Delassus
 from skmpm.scene import PrescribedVelocities
 from skmpm.scene.report import Timer
 from skmpm.step.contact_scale import ContactScale
@@ -90,13 +89,10 @@ class ContactProblem:
     known: KnownForces  # of the last contact solve; at first of the step before, or of the static solve before
     timer: Timer
     supported: Bools  # (2, n) velocity components of the points that supports prescribe
-    # Of the solver in use, None before a new factorisation. At first that of the factor of an earlier step; for one
-    # that is made again, the contact points (m,) that it knew.
-    delassus: Delassus | Bools | None
 
-    def within(self, increment: Increment, *, kept: bool) -> ContactProblem:
-        """The problem with other equations of the step, and without the operator of a factor that is not kept."""
-        return replace(self, increment=increment, delassus=self.delassus if kept else None)
+    def within(self, increment: Increment) -> ContactProblem:
+        """The problem with other equations of the step."""
+        return replace(self, increment=increment)
 
     def after(self, contact: ContactIterate) -> ContactProblem:
         """The problem of a solve that follows another one in the same step."""
@@ -243,7 +239,3 @@ class ContactIterate:
     def at(self, w: Array) -> ContactIterate:
         """The contact problem linearised about another velocity."""
         return replace(self.problem.at(w), iterations=self.iterations)
-
-    def with_delassus(self, delassus: Delassus | None) -> ContactIterate:
-        """The iterate with another Delassus operator; without one before its solver is released."""
-        return replace(self, problem=replace(self.problem, delassus=delassus))

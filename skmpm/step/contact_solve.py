@@ -16,6 +16,8 @@ from skmpm.step.contact_problem import ContactIterate, KnownForces, check_respon
 from skmpm.step.contact_scale import ContactScale, contact_scale
 from skmpm.step.contact_stiffness import ContactStiffness, contact_stiffness
 from skmpm.step.errors import NOTHING_DEFORMS, StepRejected, of_contact
+from skmpm.step.factor import Factor
+from skmpm.step.terms import Configuration
 
 # Iterations of the contact solver with geometric stiffness: one to six are usual. Near a limit point it takes a
 # hundred or fails, and half of the stiffness, from the contacts without it, solves nearly all such problems. From 6
@@ -32,23 +34,27 @@ class Direction:
     impulse: Array  # (n,) [kg m/s per m], with that of the geometric stiffness
 
 
-def solve(contact: ContactIterate, solver: Solver, gradient: Array) -> Direction:
-    """Newton direction with impulses that satisfy the contact law on the linearised bulk.
+def solve(
+    contact: ContactIterate, factor: Factor, configuration: Configuration, gradient: Array
+) -> tuple[Direction, Factor]:
+    """Newton direction with impulses that satisfy the contact law on the linearised bulk, by a factorised matrix.
 
     u = u(w) + H [A^-1 (theta H^T r - gradient)] + W (r_new - r).
+
+    Also returns the factor, with the responses of all contact points in use.
     """
     constraints, increment, timer = contact.constraints, contact.increment, contact.problem.timer
+    solver = factor.at(increment, configuration)
     if constraints.size == 0:
-        return Direction(contact, increment.limited(-increment.solved(solver, gradient)), contact.impulse)
+        return Direction(contact, increment.limited(-increment.solved(solver, gradient)), contact.impulse), factor
     geometric = contact_stiffness(constraints, contact.r, increment.dt, increment.scheme.theta, contact.scalar_motion)
     with_known = increment.solved(solver, contact.impulse - gradient)
     timer.lap("linear")
-    W, borders, delassus = delassus_matrix(contact, solver, geometric)
+    W, borders, factor = delassus_matrix(contact, solver, factor, geometric)
     timer.lap("delassus")
-    linearised = _Linearised(contact.with_delassus(delassus), solver, gradient, W, borders, with_known)
-    found = linearised.with_stiffness(geometric)
+    found = _Linearised(contact, solver, gradient, W, borders, with_known).with_stiffness(geometric)
     timer.lap("linear")
-    return found
+    return found, factor
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,6 @@ from skmpm.arrays import Array, Bools
 from skmpm.linear import Delassus, Solver
 from skmpm.scene import Factored, Scene, State
 from skmpm.scheme import Scheme
-from skmpm.step.contact_problem import ContactIterate
 from skmpm.step.convergence import not_definite
 from skmpm.step.equations import Increment
 from skmpm.step.matrix import coupled, solver_of
@@ -36,12 +35,14 @@ MULTIGRID = "amg"  # its solutions for a body depend on other bodies: an operato
 
 @dataclass(frozen=True)
 class Factor:
-    """A factorised matrix."""
+    """A factorised matrix, with the responses of contact points to it that were found so far."""
 
     solver: Solver
     displacement: Array  # (2 nodes,) of the configuration of the matrix [m]
     turns: bool  # whether it turns with bodies
     in_contact: bool  # whether bodies touched
+    delassus: Delassus | None = None  # None before the first contact
+    points: Bools | None = None  # (m,) contact points that are in it from the beginning; None for none
 
     def at(self, increment: Increment, configuration: Configuration) -> Solver:
         """The solver for the matrix turned as bodies have turned since it was factorised."""
@@ -104,42 +105,45 @@ class Refactorisation:
         return far or (rate > self.rate and distance * max(rate, BEST_RATE) > 1.0)
 
 
-_Kept = tuple[Scene, Scheme, Factor, Delassus | Bools | None]
+_Kept = tuple[Scene, Scheme, Factor]
 _factors: WeakKeyDictionary[Factored, _Kept] = WeakKeyDictionary()
 
 
-def keep(
-    scene: Scene, increment: Increment, factor: Factor | None, contact: ContactIterate | None
-) -> Factored | None:
-    """Keep the last factor of a step, if a later step may use it; return what it follows from."""
+def keep(scene: Scene, increment: Increment, factor: Factor | None, *, touches: bool) -> Factored | None:
+    """Keep the last factor of a step, if a later step may use it; return what it follows from.
+
+    Responses of contact points are left out where nothing `touches`.
+    """
     if factor is None or not increment.keeps_factor:
         return None
     if not increment.linear and factor.solver.name == MULTIGRID:
         return None
-    delassus = None if contact is None else contact.problem.delassus
-    points = delassus.known if isinstance(delassus, Delassus) else np.zeros(0, dtype=bool)
+    if not touches:
+        factor = replace(factor, delassus=None, points=None)
+    points = np.zeros(0, dtype=bool) if factor.delassus is None else factor.delassus.known
     kept = Factored(increment.theta_dt, increment.scheme.inertia, factor.displacement, factor.in_contact, points)
-    _factors[kept] = (scene, increment.scheme, factor, delassus)
+    _factors[kept] = (scene, increment.scheme, factor)
     return kept
 
 
-def take(scene: Scene, state: State, increment: Increment) -> tuple[Factor | None, Delassus | Bools | None]:
-    """The factor that a step begins with, and the Delassus operator of it, None for none.
+def take(scene: Scene, state: State, increment: Increment) -> Factor | None:
+    """The factor that a step begins with, None for none.
 
-    A factor that is not in memory, or of another scene or scheme, is made again; then the contact points whose
-    responses the operator had take its place.
+    One that is not in memory, or of another scene or scheme, is made again, for the contact points whose responses it
+    had.
     """
     kept = state.factored
     if kept is None or not increment.keeps_factor:
-        return None, None
+        return None
     if (kept.theta_dt, kept.inertia) != (increment.theta_dt, increment.scheme.inertia):
-        return None, None
+        return None
     entry = _factors.pop(kept, None)
     if entry is not None and entry[0] is scene and entry[1] == increment.scheme:
         if entry[2].solver.name == MULTIGRID:
             _factors[kept] = entry
-        return entry[2:]
+        return entry[2]
     if not increment.scheme.inertia:  # of static steps, factors without a metric are kept
         increment = replace(increment, metric=np.zeros_like(increment.displacement_at_start))
     there = increment.bulk.at(kept.displacement)
-    return factorise(increment, there, in_contact=kept.in_contact), kept.points if kept.points.size else None
+    again = factorise(increment, there, in_contact=kept.in_contact)
+    return replace(again, points=kept.points if kept.points.size else None)

@@ -73,7 +73,7 @@ def end_state(scene: Scene, state: State, increment: Increment, solution: Soluti
         contacts=contacts,
         box=box,
         box_rate=motions.gradient_at_end,
-        factored=keep(scene, increment, solution.factor, solution.contact),
+        factored=keep(scene, increment, solution.factor, touches=solution.contact is not None),
         derived=_reusable(scene, state, increment, configuration),
     )
 

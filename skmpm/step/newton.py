@@ -128,7 +128,6 @@ def _factorise(iterate: _Iterate, balance: Balance, timer: Timer) -> None:
     if iterate.factor is not None and not due:
         return
     iterate.factor = None  # so that only one solver is in memory
-    iterate.contact = None if iterate.contact is None else iterate.contact.with_delassus(None)
     iterate.factor = factorise(increment, iterate.configuration, in_contact=touching)
     iterate.refactorisation.made(iteration)
     timer.lap("factorisation")
@@ -136,12 +135,12 @@ def _factorise(iterate: _Iterate, balance: Balance, timer: Timer) -> None:
 
 def _direction(iterate: _Iterate, balance: Balance) -> Array:
     """The Newton direction, (n,) [m/s], with new contact impulses."""
-    assert iterate.factor is not None
-    solver = iterate.factor.at(iterate.increment, iterate.configuration)
+    factor = iterate.factor
+    assert factor is not None
     if iterate.contact is None:
-        iterate.last_impulse = balance.contact_impulse
+        iterate.last_impulse, solver = balance.contact_impulse, factor.at(iterate.increment, iterate.configuration)
         return -iterate.increment.solved(solver, balance.gradient)
-    found = solve(iterate.contact, solver, balance.gradient)
+    found, iterate.factor = solve(iterate.contact, factor, iterate.configuration, balance.gradient)
     iterate.contact, iterate.last_impulse = found.contact, found.impulse
     return found.direction
 

@@ -66,9 +66,7 @@ def settle(increment: Increment, problem_at: Problems, kept: Factor | None, time
     for _ in range(MAX_SOLVES):
         trial = metric.applied(increment, centre, w)
         try:
-            found = advance(
-                trial, None if problem is None else problem.within(trial, kept=kept is not None), kept, timer
-            )
+            found = advance(trial, None if problem is None else problem.within(trial), kept, timer)
         except StepRejected as error:
             if error.retryable and metric.raise_shares():
                 continue

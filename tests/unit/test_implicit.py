@@ -65,11 +65,11 @@ def test_with_inertia_the_stiffness_that_failed_is_tried_again(monkeypatch):
         converged.append(found[1].converged)
         return found
 
-    def failing_at_first(contact, solver, gradient):
+    def failing_at_first(contact, *arguments):
         converged.clear()
         first = contact.problem.known.normal is None
         monkeypatch.setattr(contact_solve, "MAX_STEPS", 0 if first else most)
-        found = solve(contact, solver, gradient)
+        found = solve(contact, *arguments)
         failures.append((first, not all(converged)))
         return found
 
@@ -110,13 +110,15 @@ def test_a_contact_solve_leaves_the_iterate_as_it_is(monkeypatch, friction):
     """Solved twice, an iterate gives the same direction and impulses bit for bit, and keeps its own."""
     newton, calls = import_module("skmpm.step.newton"), []
 
-    def twice(contact, solver, gradient):
-        r, delassus, key = contact.r.copy(), contact.problem.delassus, contact.problem.known.key
-        found, again = (contact_solve.solve(contact, solver, gradient) for _ in range(2))
-        assert np.array_equal(found.direction, again.direction) and np.array_equal(found.contact.r, again.contact.r)
+    def twice(contact, factor, configuration, gradient):
+        r, delassus, key = contact.r.copy(), factor.delassus, contact.problem.known.key
+        found, again = (contact_solve.solve(contact, factor, configuration, gradient) for _ in range(2))
+        (direction, _), (same, _) = found, again
+        assert np.array_equal(direction.direction, same.direction)
+        assert np.array_equal(direction.contact.r, same.contact.r)
         assert np.array_equal(contact.r, r)
-        assert contact.problem.delassus is delassus and contact.problem.known.key is key
-        calls.append(found.contact.r.any() and not np.array_equal(found.contact.r, r))
+        assert factor.delassus is delassus and contact.problem.known.key is key
+        calls.append(direction.contact.r.any() and not np.array_equal(direction.contact.r, r))
         return found
 
     monkeypatch.setattr(newton, "solve", twice)
