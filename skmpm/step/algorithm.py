@@ -20,7 +20,7 @@ from skmpm.scheme import Scheme
 from skmpm.step.acceptance import check_step
 from skmpm.step.budget import budget_of
 from skmpm.step.contact_problem import ContactIterate, ContactProblem, KnownForces
-from skmpm.step.driven import driven
+from skmpm.step.driven import driven_in_step
 from skmpm.step.driven_walls import check_driven
 from skmpm.step.end import end_of_step, with_box_motion
 from skmpm.step.equations import Increment
@@ -103,7 +103,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
             if scheme.inertia:
                 solution = advance(increment, problem_of(state), factor, timer)
             else:
-                fastest = _fastest(scene, state, motions, dt)
+                fastest = max((speed for _, speed in driven_in_step(scene, motions)), default=0.0)
                 solution = _equilibrium(scene, state, increment, fastest, problem_of, factor, timer)
             increment, solution = with_box_motion(increment, solution)
             end = end_of_step(increment, solution, motions)
@@ -161,12 +161,6 @@ def _contact_problem(
     known = KnownForces(contacts.key, contacts.force)
     held = scene.supporting >= 0
     return ContactProblem(linearise, increment, motions, known, timer, held)
-
-
-def _fastest(scene: Scene, state: State, motions: PrescribedVelocities, dt: float) -> float:
-    """The fastest of what moves as prescribed in a step, and of walls that forces drive as in the last one [m/s]."""
-    speeds = [speed for _, speed in driven(scene, state.t, state.box, dt)]
-    return max([float(np.abs(motions.walls).max(initial=0.0)), *speeds])
 
 
 def _equilibrium(

@@ -9,6 +9,7 @@ import numpy as np
 
 from skmpm.arrays import Array, Ints
 from skmpm.scene import (
+    PrescribedVelocities,
     Scene,
     State,
     centres,
@@ -81,20 +82,41 @@ def driven_by_force(scene: Scene, t: float = 0.0) -> Iterator[tuple[str, float]]
         yield "the periodic box by its stress", float(np.abs(scene.periodic.stress_at(t)).max()) / impedance
 
 
-def driven(
-    scene: Scene, t: float = 0.0, box: Array | None = None, dt: float | None = None
-) -> Iterator[tuple[str, float]]:
+def driven(scene: Scene, t: float = 0.0, box: Array | None = None) -> Iterator[tuple[str, float]]:
     """Walls, supports, rigid bodies and edges of the periodic box with their prescribed speeds at time t [m/s].
 
-    With dt they are those of a step from t to t + dt [s]. The edges (2, 2) of the box are those at the start if not
-    given. Walls that forces drive have a prescribed speed along their normals at t = 0 only.
+    The edges (2, 2) of the box are those at the start if not given. Walls that forces drive have a prescribed speed
+    along their normals at t = 0 only.
     """
-    of_supports, rotations = scene.support_velocities(t, dt), support_rotations(scene, t, dt)
-    t += 0.5 * (dt or 0.0)
-    walls = scene.wall_velocities(t)
+    walls, periodic = scene.wall_velocities(t), scene.periodic
     if t != 0.0:
         walls = with_normal_speeds(scene, walls, np.zeros(scene.driven_walls.size))
-    for kind, velocities in (("wall", walls), ("support", np.nan_to_num(of_supports))):
+    rigid = np.zeros((3, len(scene.bodies)))
+    for i, body in enumerate(scene.bodies):
+        if body.motion is not None:
+            rigid[:, i] = np.nan_to_num(rigid_motion(body, t, f"body {i}"))
+    edges = None if periodic is None else periodic.rate_at(t) @ (periodic.box if box is None else box)
+    supports = np.nan_to_num(scene.support_velocities(t))
+    return _speeds(scene, walls, supports, support_rotations(scene, t), rigid, edges)
+
+
+def driven_in_step(scene: Scene, motions: PrescribedVelocities) -> Iterator[tuple[str, float]]:
+    """The same with their speeds in a step; walls that forces drive have their present ones."""
+    count, edges = 2 * len(scene.supports), None
+    if motions.box is not None and motions.box_at_start is not None:
+        edges = (motions.box - motions.box_at_start) / motions.dt
+    supports, rotations = motions.supports[:count].reshape(-1, 2), motions.supports[count:].reshape(-1, 2).T
+    return _speeds(scene, motions.walls, supports, rotations, motions.rigid, edges)
+
+
+def _speeds(
+    scene: Scene, walls: Array, supports: Array, rotations: Array, rigid: Array, edges: Array | None
+) -> Iterator[tuple[str, float]]:
+    """What is driven with its speed [m/s], by velocities of walls, supports (k, 2), rigid bodies (3, k) and edges.
+
+    Rotations of supports are rates of cosine and sine (2, k) [1/s].
+    """
+    for kind, velocities in (("wall", walls), ("support", supports)):
         for i, speed in enumerate(np.hypot(*velocities.T).tolist()):
             yield f"{kind} {i}", speed
     for i, rates in zip(scene.turning.tolist(), rotations.T, strict=True):
@@ -102,10 +124,9 @@ def driven(
         yield f"the rotation of support {i}", float(np.hypot(*rates)) * reach
     for i, body in enumerate(scene.bodies):
         if body.motion is not None:
-            vx, vy, spin = np.nan_to_num(rigid_motion(body, t, f"body {i}")).tolist()
+            vx, vy, spin = rigid[:, i].tolist()
             x = body.points.x
             reach = float(np.hypot(*(x - np.average(x, axis=1, weights=body.points.volume)[:, None])).max())
             yield f"rigid body {i}", float(np.hypot(vx, vy) + abs(spin) * reach)
-    if scene.periodic is not None:
-        edges = scene.periodic.rate_at(t) @ (scene.periodic.box if box is None else box)
+    if edges is not None:
         yield "the periodic box", float(np.hypot(*edges).max())
