@@ -97,7 +97,7 @@ class _Minima:
 
 def _on_wall(scene: Scene, near: Neighbours, i: int, point: Array, ahead: Cubics, reference: Array) -> _Minima:
     """Minima of the gap to wall i at `point` (2,) [m]."""
-    curve, boundary, normal, own = near.curve, near.curve.outlines, scene.normals[:, i], near.own_points
+    curve, boundary, normal, own = near.curve, near.curve.outlines, scene.normals[:, i], near.numbers.points
     found, values = np.empty(own, dtype=np.int64), np.empty((4, own))
     size = _minima_on_wall(
         normal,
@@ -112,7 +112,7 @@ def _on_wall(scene: Scene, near: Neighbours, i: int, point: Array, ahead: Cubics
         values,
     )
     c, (*slope, turn, length) = found[:size], values[:, :size]
-    key = near.wall_keys(i, np.stack([c, boundary.next[c]]))
+    key = near.numbers.at_walls(i, np.stack([c, boundary.next[c]]))
     bodies = np.stack([boundary.body[c], np.full(size, -1 - i)])
     return _Minima(key, bodies, np.stack(slope), turn, length, scene.compliance[bodies[0]])
 

@@ -10,13 +10,13 @@ from skmpm.arrays import Array, Bools, Ints
 from skmpm.compiled import compiled_in_order
 from skmpm.contact import feet
 from skmpm.contact.constraints import SurfaceGeometry
-from skmpm.contact.keys import guard_keys
 from skmpm.contact.neighbours import Neighbours
 from skmpm.contact.projection import foot_points, project, tangent_shares
 from skmpm.contact.rows import combinations
 from skmpm.contact.shifts import guarded
 from skmpm.outline import Cubics, Curve
 from skmpm.scene import Scene
+from skmpm.scene.contact_keys import guard_keys
 
 
 @dataclass(frozen=True)
@@ -82,12 +82,12 @@ def contacts_with_wall(
 ) -> ContactPairs:
     """Contact pairs of boundary points with wall i, which moves from `point` by `step`, both (2,) [m]."""
     curve, boundary = near.curve, near.curve.outlines
-    normal, points = scene.normals[:, i], near.own_points
+    normal, points = scene.normals[:, i], near.numbers.points
     before, gap, c = np.empty(points), np.empty(points), np.empty(points, dtype=np.int64)
     movable = scene.movable[boundary.body[:points]]
-    kept = near.tension.holds(near.wall_keys(i, np.arange(points)))
+    kept = near.tension.holds(near.numbers.at_walls(i, np.arange(points)))
     c = c[: _wall_gaps(normal, start, point, moved, step, movable, kept, near.reach, before, gap, c)]
-    key = near.wall_keys(i, c)
+    key = near.numbers.at_walls(i, c)
     shifts = near.shifts.at(key)
     now = curve.through(start + moved) if shifts.travel.any() else None
     if now is not None:

@@ -9,7 +9,6 @@ import numpy as np
 
 from skmpm.arrays import Array, Bools, Ints
 from skmpm.contact.constraints import lookup
-from skmpm.contact.keys import guard_keys, lattice_code
 from skmpm.contact.motion import contact_reach
 from skmpm.contact.self_contact import SelfContact
 from skmpm.contact.shifts import Shifts
@@ -18,6 +17,7 @@ from skmpm.outline.images import Images
 from skmpm.outline.near import both_ways, candidates
 from skmpm.outline.overlaps import box_pairs, boxes
 from skmpm.scene import Scene
+from skmpm.scene.contact_keys import ContactKeys, guard_keys, lattice_code
 
 # A rigid boundary that turns by more than this within a spacing s of the other boundary is treated as an edge: beside
 # edges boundaries stretch to twice their length, and a chord of 2 s would lie deeper in it than s SHARP_TURN / 2,
@@ -104,30 +104,21 @@ class Neighbours:
     def keys(self, point: Ints, segment: Ints) -> Ints:
         """Identities of the contacts of boundary points with the sides of segments, both (k,), in all steps.
 
-        In a periodic box they are those of the points and sides of the bodies, and of the lattice vector between
-        these modulo three, which distinguishes neighbouring images.
+        Those of images are those of the bodies, with the lattice vectors between them.
         """
-        curve, surfaces, sides = self.curve, self.surfaces, self._sides
+        curve, surfaces = self.curve, self.surfaces
         if surfaces.none:
-            return np.asarray(point * sides + curve.side[segment])
+            return self.numbers.between(point, curve.side[segment])
         boundary, body = surfaces.boundary, curve.outlines.body
-        pair = boundary[point] * sides + curve.side[boundary[segment]]  # the bodies come before their images
-        return np.asarray(lattice_code(surfaces.between(body[point], body[segment])) * self.own_points * sides + pair)
-
-    def wall_keys(self, i: int, c: Ints) -> Ints:
-        """Identities of the contacts of boundary points c (k,) of bodies with wall i, beyond those of `keys`."""
-        codes = 3 ** len(self.surfaces.lattice)
-        return np.asarray(self.own_points * (codes * self._sides + i) + c)
+        code = lattice_code(surfaces.between(body[point], body[segment]))
+        return self.numbers.between(boundary[point], curve.side[boundary[segment]], code)
 
     @cached_property
-    def own_points(self) -> int:
-        """Number of the boundary points of bodies, which come before those of their images."""
-        return int(np.searchsorted(self.curve.outlines.body, self.surfaces.bodies))
-
-    @cached_property
-    def _sides(self) -> int:
-        """Number of the sides of bodies."""
-        return int(self.curve.side[: self.own_points].max(initial=-1)) + 1
+    def numbers(self) -> ContactKeys:
+        """The identities of contacts of the bodies, whose boundary points come before those of their images."""
+        points = int(np.searchsorted(self.curve.outlines.body, self.surfaces.bodies))
+        sides = int(self.curve.side[:points].max(initial=-1)) + 1
+        return ContactKeys(points, sides, len(self.surfaces.lattice))
 
 
 def neighbours(

@@ -19,12 +19,12 @@ import numpy as np
 from skmpm.arrays import Array, Bools, Ints
 from skmpm.contact import feet
 from skmpm.contact.corners import dot, wedge
-from skmpm.contact.keys import guard_keys
 from skmpm.contact.neighbours import Neighbours
 from skmpm.contact.rows import among, joined
 from skmpm.contact.shifts import guarded
 from skmpm.outline import Cubics, Curve
 from skmpm.parallel import over_points
+from skmpm.scene.contact_keys import guard_keys
 
 # [cells] of a contact: a deeper point is closer to the opposite side of thin bodies (test_sliding_contacts).
 MAX_DEPTH = 1.0

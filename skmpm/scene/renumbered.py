@@ -9,6 +9,7 @@ import numpy as np
 from skmpm import outline
 from skmpm.arrays import Ints
 from skmpm.grid import build_grids
+from skmpm.scene.contact_keys import ContactKeys, first_keys, guard_keys
 from skmpm.scene.scene import Scene
 from skmpm.scene.state import Contacts, State
 
@@ -65,30 +66,22 @@ def renumbered(scene: Scene, new_scene: Scene, contacts: Contacts, bodies: Ints,
 
 
 def _keys(scene: Scene, new_scene: Scene, contacts: Contacts, bodies: Ints, second: Ints) -> Ints:
-    """The keys of contacts (k,) in the new scene, where their second bodies are `second` (k,).
-
-    They number the pairs of boundary points and sides of bodies, by lattice vectors of a periodic box; then those of
-    boundary points and walls (`contact.neighbours`).
-    """
+    """The keys of contacts (k,) in the new scene, where their second bodies are `second` (k,)."""
     kept = np.isin(scene.outlines.body, bodies)
-    codes = 1 if (box := scene.initial_box) is None else 3 ** box.shape[1]
     if not kept.size:
         return contacts.key
-    (was, sides), (now, new_sides) = (_sides(each) for each in (scene, new_scene))
-    point, side = np.cumsum(kept) - 1, np.zeros(sides, dtype=np.int64)
+    (was, old), (now, new) = (_numbers(each) for each in (scene, new_scene))
+    point, side = np.cumsum(kept) - 1, np.zeros(old.sides, dtype=np.int64)
     side[was[kept]] = now
-    guard, size = contacts.key < 0, now.size
-    plain = np.where(guard, -1 - contacts.key, contacts.key)
-    code, pair = np.divmod(plain, was.size * sides)
-    i, on = np.divmod(pair, sides)
-    between = (code * size + point[i]) * new_sides + side[on]
-    at_wall = size * (codes * new_sides - 1 - second) + point[plain % was.size]
-    key = np.where(contacts.bodies[1] < 0, at_wall, between)
-    return np.asarray(np.where(guard, -1 - key, key))
+    key = first_keys(contacts.key)
+    i, on, code = old.parts(key)
+    at_wall = new.at_walls(-1 - second, point[old.points_at_walls(key)])
+    key = np.where(contacts.bodies[1] < 0, at_wall, new.between(point[i], side[on], code))
+    return np.where(contacts.key < 0, guard_keys(key), key)
 
 
-def _sides(scene: Scene) -> tuple[Ints, int]:
-    """The side that each boundary segment belongs to, (m,), and how many numbers there are."""
-    boundary = scene.outlines
-    side = outline.curve(boundary, scene.initial_positions[:, boundary.point]).side
-    return side, int(side.max(initial=-1)) + 1
+def _numbers(scene: Scene) -> tuple[Ints, ContactKeys]:
+    """The side that each boundary segment belongs to, (m,), and the identities of contacts."""
+    boundary, box = scene.outlines, scene.initial_box
+    curve = outline.curve(boundary, scene.initial_positions[:, boundary.point])
+    return curve.side, ContactKeys(boundary.size, curve.sides, 0 if box is None else box.shape[1])

@@ -26,8 +26,8 @@ import scipy.sparse as sp
 from skmpm import outline
 from skmpm.arrays import Array
 from skmpm.contact import Constraints
-from skmpm.contact.keys import recut_keys
 from skmpm.scene import Contacts, Periodic, PrescribedVelocities, Scene, State, deformed, recut
+from skmpm.scene.contact_keys import ContactKeys
 from skmpm.step.scalar_unknowns import Interval, Unknowns
 from skmpm.step.terms import Budget, Path
 
@@ -48,7 +48,8 @@ def recut_box(scene: Scene, box: Array | None, contacts: Contacts) -> tuple[Arra
     if not change[0, 1]:
         return box, contacts
     curve = outline.curve(scene.outlines, scene.initial_positions[:, scene.outlines.point])
-    return upright, replace(contacts, key=recut_keys(contacts.key, scene.outlines.size * curve.sides, change))
+    keys = ContactKeys(scene.outlines.size, curve.sides, box.shape[1])
+    return upright, replace(contacts, key=keys.recut(contacts.key, change))
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from skmpm import outline
-from skmpm.contact.keys import lattice_code, recut_keys
 from skmpm.outline.images import images, reduced, without_images
+from skmpm.scene.contact_keys import ContactKeys, lattice_code
 from skmpm.scene.periodic import recut
 
 CIRCLE = 2.0 * np.pi * np.arange(12) / 12
@@ -118,9 +118,9 @@ def test_reduced_edges_are_the_shortest(shear, height):
 def test_keys_follow_a_box_that_is_cut_again():
     """Lattice vectors of the same contacts have the codes of T^-1 k; those of shifted points stay negative."""
     k = np.array([[0, 1, -1, 0, 1, -1], [0, 0, 1, -1, 1, -1]])
-    turn, pairs, pair = np.array([[1, -1], [0, 1]]), 100, np.arange(6)
+    turn, keys, points, sides = np.array([[1, -1], [0, 1]]), ContactKeys(25, 4, 2), np.arange(6), np.arange(6) % 4
     now = np.round(np.linalg.solve(turn, k)).astype(int)
-    before, after = (lattice_code(v) * pairs + pair for v in (k, now))
-    assert np.array_equal(recut_keys(before, pairs, turn), after)
-    assert np.array_equal(recut_keys(-1 - before, pairs, turn), -1 - after)
+    before, after = (keys.between(points, sides, lattice_code(v)) for v in (k, now))
+    assert np.array_equal(keys.recut(before, turn), after)
+    assert np.array_equal(keys.recut(-1 - before, turn), -1 - after)
     assert np.unique(lattice_code(k)).size == 6
