@@ -13,7 +13,7 @@ from skmpm.representation import line, quantity
 from skmpm.scene import Periodic, Scene, SceneError, State, StepFailed, at_rest, check_fits, check_scene
 from skmpm.scheme import Scheme
 from skmpm.step.algorithm import step
-from skmpm.step.driven import driven
+from skmpm.step.driven import prescribed_speeds
 from skmpm.values import number
 
 # Stress differences are a hundred-thousandth of the moduli: solves are as much more accurate than in a run.
@@ -150,7 +150,7 @@ def check_packing(name: str, scene: Scene, state: State) -> None:
             f"{name}: the scene has no box that is periodic in both directions; give Scene(...,"
             " periodic=Periodic(width, height))"
         )
-    for what, speed in driven(strained(scene, np.zeros((2, 2))), state.t):
+    for what, speed in prescribed_speeds(strained(scene, np.zeros((2, 2))), state.t):
         if speed > 0.0:
             raise SceneError(f"{name}: {what} moves at {speed:.3g} m/s in a packing that is to rest; hold or free it")
 

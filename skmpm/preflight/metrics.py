@@ -20,7 +20,7 @@ from skmpm.outline.widths import slit_width
 from skmpm.scene import Scene
 from skmpm.scheme import Scheme
 from skmpm.step.derived import derived_data
-from skmpm.step.driven import driven, driven_by_force
+from skmpm.step.driven import driven_by_force, prescribed_speeds
 from skmpm.step.equations import LONG
 from skmpm.step.initial_state import initial, initial_motion
 from skmpm.stepping.functions_of_time import TIMES
@@ -121,7 +121,7 @@ class SceneMetrics:
     @cached_property
     def fastest(self) -> tuple[str, float]:
         """The fastest wall, rigid body or support whose motion is prescribed, and its speed [m/s]; zero for none."""
-        every = (named for t in self.times.tolist() for named in driven(self.scene, t))
+        every = (named for t in self.times.tolist() for named in prescribed_speeds(self.scene, t))
         return max(every, key=lambda named: named[1], default=("", 0.0))
 
     @cached_property

@@ -20,7 +20,7 @@ from skmpm.points import Points
 from skmpm.preflight.metrics import SceneMetrics, disc_radii
 from skmpm.preflight.sampling import stress_errors
 from skmpm.scene import TOUCHING, functions_of_time
-from skmpm.step.driven import driven, driven_by_force
+from skmpm.step.driven import driven_by_force, prescribed_speeds
 from skmpm.step.initial_state import initial_motion
 from skmpm.step.regrid import torn_bodies
 from skmpm.stepping.functions_of_time import FunctionsOfTime
@@ -60,7 +60,7 @@ def _two_digits(value: float, rounded: Callable[[float], int]) -> str:
 
 def idle(m: SceneMetrics) -> Reading | None:
     """The scene, if nothing moves and nothing acts."""
-    moves = any(speed > 0.0 for _, speed in driven(m.scene))
+    moves = any(speed > 0.0 for _, speed in prescribed_speeds(m.scene))
     acted_on = moves or gravity_of(m.scene).any() or m.scene.overlap > 0.0
     return None if acted_on or not _left_alone(m) else Reading(["scene"])
 
@@ -70,7 +70,8 @@ def leaving_walls(m: SceneMetrics) -> Reading | None:
     scene, gravity = m.scene, gravity_of(m.scene)
     v, n = scene.wall_velocities(0.0).T, scene.normals
     leaves = np.flatnonzero((v * n).sum(axis=0) < 0.0)
-    if {name for name, speed in driven(scene) if speed > 0.0} - {f"wall {i}" for i in leaves} or not _left_alone(m):
+    moving = {name for name, speed in prescribed_speeds(scene) if speed > 0.0}
+    if moving - {f"wall {i}" for i in leaves} or not _left_alone(m):
         return None
     away = leaves[(gravity @ n[:, leaves] > 0.0) | (not gravity.any())]
     return Reading([f"wall {i}" for i in away], facts={"x": v[0, away], "y": v[1, away]})

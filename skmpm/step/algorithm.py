@@ -20,7 +20,7 @@ from skmpm.scheme import Scheme
 from skmpm.step.acceptance import check_step
 from skmpm.step.budget import budget_of
 from skmpm.step.contact_problem import ContactIterate, ContactProblem, KnownForces
-from skmpm.step.driven import driven_in_step
+from skmpm.step.driven import prescribed_speeds_in_step
 from skmpm.step.driven_walls import check_driven
 from skmpm.step.end import end_of_step, with_box_motion
 from skmpm.step.equations import Increment
@@ -103,7 +103,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
             if scheme.inertia:
                 solution = advance(increment, problem_of(state), factor, timer)
             else:
-                fastest = max((speed for _, speed in driven_in_step(scene, motions)), default=0.0)
+                fastest = max((speed for _, speed in prescribed_speeds_in_step(scene, motions)), default=0.0)
                 solution = _equilibrium(scene, state, increment, fastest, problem_of, factor, timer)
             increment, solution = with_box_motion(increment, solution)
             end = end_of_step(increment, solution, motions)

@@ -22,7 +22,7 @@ from skmpm.step.contact_scale import ContactScale
 from skmpm.step.contact_stiffness import ScalarMotion, sticking
 from skmpm.step.equations import Increment
 from skmpm.step.errors import StepRejected, of_contact, pair
-from skmpm.step.scalar_unknowns import RESPONSE, driven
+from skmpm.step.scalar_unknowns import RESPONSE, moved_by_scalars
 
 # [cells] Largest gap of a candidate contact. Candidates are selected in every iteration: a contact that an iteration
 # closes from a larger gap is one in the next. Twice of it gives packings of 300 discs 1.1 to 1.35 times as many rows;
@@ -120,7 +120,7 @@ class ContactProblem:
         if increment.supports is None or constraints.size == 0:
             return constraints
         movable = _movable(constraints, grid, increment.supports, self.supported)
-        movable |= driven(unknowns.rows(z, constraints, [constraints.normal]))
+        movable |= moved_by_scalars(unknowns.rows(z, constraints, [constraints.normal]))
         penetrating = np.flatnonzero(~movable & (constraints.gap < -MAX_SUPPORTED_PENETRATION * grid.cell))
         if penetrating.size:
             bodies = constraints.bodies[:, penetrating[0]]
@@ -185,7 +185,7 @@ class ContactIterate:
         unknowns = self.increment.scalars
         if not unknowns.kinds or unknowns.inertia.mass.any():
             return 1.0
-        return np.where(driven(self.J[:: len(self.constraints.directions)]), RESPONSE, 1.0)
+        return np.where(moved_by_scalars(self.J[:: len(self.constraints.directions)]), RESPONSE, 1.0)
 
     @cached_property
     def impulse(self) -> Array:

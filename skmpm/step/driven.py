@@ -82,7 +82,7 @@ def driven_by_force(scene: Scene, t: float = 0.0) -> Iterator[tuple[str, float]]
         yield "the periodic box by its stress", float(np.abs(scene.periodic.stress_at(t)).max()) / impedance
 
 
-def driven(scene: Scene, t: float = 0.0, box: Array | None = None) -> Iterator[tuple[str, float]]:
+def prescribed_speeds(scene: Scene, t: float = 0.0, box: Array | None = None) -> Iterator[tuple[str, float]]:
     """Walls, supports, rigid bodies and edges of the periodic box with their prescribed speeds at time t [m/s].
 
     The edges (2, 2) of the box are those at the start if not given. Walls that forces drive have a prescribed speed
@@ -100,8 +100,11 @@ def driven(scene: Scene, t: float = 0.0, box: Array | None = None) -> Iterator[t
     return _speeds(scene, walls, supports, support_rotations(scene, t), rigid, edges)
 
 
-def driven_in_step(scene: Scene, motions: PrescribedVelocities) -> Iterator[tuple[str, float]]:
-    """The same with their speeds in a step; walls that forces drive have their present ones."""
+def prescribed_speeds_in_step(scene: Scene, motions: PrescribedVelocities) -> Iterator[tuple[str, float]]:
+    """Walls, supports, rigid bodies and edges of the periodic box with their speeds in a step [m/s].
+
+    Walls that forces drive have their present ones.
+    """
     count, edges = 2 * len(scene.supports), None
     if motions.box is not None and motions.box_at_start is not None:
         edges = (motions.box - motions.box_at_start) / motions.dt

@@ -201,6 +201,6 @@ class ScalarUnknowns:
         return sp.csr_array(sp.hstack(list(parts))) if self.kinds else sp.csr_array((rows, 0))
 
 
-def driven(rows: sp.csr_array) -> Bools:
+def moved_by_scalars(rows: sp.csr_array) -> Bools:
     """Whether scalar unknowns move contacts, (k,), from what they add to the velocities along normals (k, p)."""
     return np.asarray(abs(rows).sum(axis=1) > EXACT)

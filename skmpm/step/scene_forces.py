@@ -13,7 +13,7 @@ from skmpm.material import is_linear, viscosity_of
 from skmpm.observe import wetted_segments
 from skmpm.scene import Scene, State, functions_of_time, gravity_at, stiffness_of
 from skmpm.scheme import Scheme
-from skmpm.step.driven import driven
+from skmpm.step.driven import prescribed_speeds
 from skmpm.step.forces import Bars, Beds, DeadLoad, FollowerPressure, ViscousBulk
 from skmpm.step.terms import Configuration, Term
 
@@ -80,7 +80,7 @@ def equilibrium_depends_on_dt(scene: Scene) -> bool:
     """
     if callable(scene.gravity) or any(functions_of_time(scene)) or _viscous(scene):
         return True
-    return any(speed > 0.0 for _, speed in driven(scene))
+    return any(speed > 0.0 for _, speed in prescribed_speeds(scene))
 
 
 def _viscous(scene: Scene) -> bool:

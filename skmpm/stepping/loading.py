@@ -16,7 +16,7 @@ import numpy as np
 
 from skmpm.arrays import ROUND_OFF, Array
 from skmpm.scene import Scene, centres, gravity_at
-from skmpm.step.driven import driven, driven_by_force
+from skmpm.step.driven import driven_by_force, prescribed_speeds
 from skmpm.step.initial_state import initial_motion
 
 SEVERAL = 6  # bodies that forces move, from which on errors at contacts average out, as in a packing
@@ -46,7 +46,7 @@ def loading_of(scene: Scene, times: Iterable[float] = (0.0,), inertia: bool = Tr
     strongest = strongest_gravity(scene, times)
     # At the start where loads or springs act, too: what these cause when gravity has been applied is to be resolved.
     g = gravity_of(scene, times[0]) if scene.loads or scene.springs else strongest
-    every = (named for t in times for moved in (driven_by_force, driven) for named in moved(scene, t))
+    every = (named for t in times for moved in (driven_by_force, prescribed_speeds) for named in moved(scene, t))
     name, prescribed = max(every, key=lambda named: named[1], default=("", 0.0))
     own = float(np.linalg.norm(v[:, scene.movable[scene.owner]], axis=0).max()) if inertia else 0.0
     height = free_height(scene, g) if scene.can_touch else 0.0

@@ -27,7 +27,7 @@ from scipy.spatial import KDTree
 from skmpm.arrays import Array
 from skmpm.scene import Scene, SceneError, State, centres, fitted_motions, normal_speeds
 from skmpm.scheme import Scheme
-from skmpm.step.driven import driven, driven_bodies, driven_by_force, moving
+from skmpm.step.driven import driven_bodies, driven_by_force, moving, prescribed_speeds
 from skmpm.step.driven_walls import driving_forces
 from skmpm.stepping.functions_of_time import TIMES, FunctionsOfTime
 from skmpm.stepping.loading import gravity_of, settling, several, smallest_radii, strongest_gravity
@@ -103,7 +103,7 @@ class Pace:
 
 def _driven_at(scene: Scene, t: float, box: Array | None = None) -> float:
     """The speed of the fastest thing that moves as prescribed at time t, or that a force gives to waves [m/s]."""
-    every = (*driven(scene, t, box), *driven_by_force(scene, t))
+    every = (*prescribed_speeds(scene, t, box), *driven_by_force(scene, t))
     return max((speed for _, speed in every), default=0.0)
 
 
@@ -183,7 +183,8 @@ def _within_stroke(scene: Scene, t: float, dt: float, box: Array | None) -> floa
     stroke = STROKE * scene.cell
     while True:
         times = t + SAMPLES * dt if np.isfinite(dt) else [t]
-        fastest = max((speed for time in times for _, speed in driven(scene, float(time), box)), default=0.0)
+        speeds = (speed for time in times for _, speed in prescribed_speeds(scene, float(time), box))
+        fastest = max(speeds, default=0.0)
         if fastest * dt <= stroke * (1.0 + 1e-9) or fastest == 0.0:
             return dt
         dt = max(0.5 * dt if np.isfinite(dt) else 0.0, stroke / fastest)

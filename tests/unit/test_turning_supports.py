@@ -7,7 +7,7 @@ import pytest
 
 import skmpm
 from skmpm import Support
-from skmpm.step.driven import driven
+from skmpm.step.driven import prescribed_speeds
 
 E, NU, A, B = 1e6, 0.3, 1e-3, 2e-3
 GEL = skmpm.NeoHookean(E=E, nu=NU, density=1000.0)
@@ -82,7 +82,7 @@ def test_a_hub_turns_and_moves():
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     expected = centre + np.array([[2e-4], [0.0]]) + turn @ (x - centre)
     assert np.abs(state.x[:, points] - expected).max() < 0.01 * CELL
-    assert dict(driven(scene))["the rotation of support 0"] == pytest.approx(50.0 * 0.4 * A, rel=0.2)
+    assert dict(prescribed_speeds(scene))["the rotation of support 0"] == pytest.approx(50.0 * 0.4 * A, rel=0.2)
     still = skmpm.at_rest(scene, state)
     spin = 50.0 * (state.x[:, points] - state.x[:, points].mean(axis=1, keepdims=True))
     assert still.v[:, points] == pytest.approx(np.stack([0.1 - spin[1], spin[0]]), abs=2e-3)
