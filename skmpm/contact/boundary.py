@@ -90,7 +90,7 @@ def point_to_curve(
     motions = prescribed_velocities(scene, state.t, dt, state.box) if motions is None else motions
     kept = 1.0 - PUSH_OUT * (min(1.0, dt * scene.fastest_wave / scene.cell) if inertia else 1.0)
     motion = Motion.prescribed(scene, state, motions, dt)
-    interpolation = _boundary_interpolation(scene, state, grid, scene.outlines)
+    interpolation = _boundary_interpolation(scene, grid, scene.outlines)
     step = _PointToCurve(scene, state, dt, theta, motions, motion, interpolation, kept)
     margin = 0.5 * contact_reach(scene) + 2.0 * motion.largest(dt * state.v[:, scene.outlines.point], step.start)
     close = step.near(margin)
@@ -248,12 +248,11 @@ def check_outlines(scene: Scene) -> None:
         )
 
 
-def _boundary_interpolation(scene: Scene, state: State, grid: BodyGrids, boundary: Outlines) -> sp.csr_array:
+def _boundary_interpolation(scene: Scene, grid: BodyGrids, boundary: Outlines) -> sp.csr_array:
     """Interpolation from nodes to boundary points, (m, nodes); the rows of rigid bodies are zero."""
     own, point = scene.deformable[boundary.body], boundary.point
     if not own.all():
-        number = np.cumsum(scene.deformable[state.body]) - 1  # among the points of deformable bodies
-        point = number[point[own]]
+        point = scene.among_deformable[point[own]]
     offsets = np.append(0, np.cumsum(4 * own)).astype(np.int32)
     data, indices = (a.reshape(-1, 4)[point].ravel() for a in (grid.interpolation.data, grid.interpolation.indices))
     return sp.csr_array((data, indices, offsets), shape=(own.size, grid.nodes))

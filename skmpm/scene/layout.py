@@ -59,6 +59,11 @@ class Layout:
         return slice(None) if own.all() else own
 
     @cached_property
+    def among_deformable(self) -> Ints:
+        """The number of each point among those of deformable bodies, (n,); of no use for others."""
+        return np.asarray(np.cumsum(self.deformable[self.owner]) - 1)
+
+    @cached_property
     def initial_positions(self) -> Array:
         """Positions of all points at t = 0, (2, n) [m]."""
         return np.concatenate([body.points.x for body in self.bodies], axis=1)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sp
 
-from skmpm.arrays import Array, Ints
+from skmpm.arrays import Array
 from skmpm.grid import BodyGrids, build_grids
 from skmpm.grid.assembly import prepare
 from skmpm.grid.moment_fitting import fitted_places, fitted_weights
@@ -58,10 +58,10 @@ def _supports(scene: Scene, grid: BodyGrids) -> Elimination | None:
     """Elimination of the constraints N(c) v = prescribed velocity, for each prescribed component at every point c."""
     if not scene.supports:
         return None
-    number, count = np.cumsum(scene.deformable[scene.owner]) - 1, len(scene.supports)
+    count = len(scene.supports)
     rows, entries, size = [], [], 0
     for i, (free, supported) in enumerate(zip(scene.free_components, scene.supported, strict=True)):
-        at = grid.interpolation[number[supported.points]]
+        at = grid.interpolation[scene.among_deformable[supported.points]]
         for axis in np.flatnonzero(~free).tolist():
             rows.append(sp.kron(at, np.eye(2)[axis : axis + 1], format="csr"))
             fields = {2 * i + axis: np.ones(supported.points.size)}
@@ -74,18 +74,18 @@ def _supports(scene: Scene, grid: BodyGrids) -> Elimination | None:
             size += own.size
     values, row, column = (np.concatenate(part) for part in zip(*entries, strict=True))
     B = sp.csr_array((values, (row, column)), shape=(size, 2 * (count + scene.turning.size)))
-    known = _inside(scene, grid, number, B.shape[1])
+    known = _inside(scene, grid, B.shape[1])
     return eliminate(sp.csr_array(sp.vstack(rows)), B, known, grid.blocks, grid.rigid_motions)
 
 
-def _inside(scene: Scene, grid: BodyGrids, number: Ints, columns: int) -> sp.csr_array:
+def _inside(scene: Scene, grid: BodyGrids, columns: int) -> sp.csr_array:
     """What supports that do not turn prescribe at nodes inside of held areas, (2 nodes, columns)."""
     rows, prescribed = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
     for i, (free, supported) in enumerate(zip(scene.free_components, scene.supported, strict=True)):
         if i in scene.turning:
             continue
         held = np.zeros(grid.interpolation.shape[0], dtype=bool)
-        held[number[supported.points]] = True
+        held[scene.among_deformable[supported.points]] = True
         inner = np.flatnonzero(inner_nodes(grid.interpolation, held))
         for axis in np.flatnonzero(~free).tolist():
             rows.append(2 * inner + axis)

@@ -51,18 +51,17 @@ def forces_on_points(scene: Scene, t: float) -> Array:
 
 def follower_pressure(scene: Scene, state: State, first: float, t: float) -> FollowerPressure:
     """The pressures on boundaries of a step that begins at a time `first`, with those of time t."""
-    boundary, deformable = scene.outlines, scene.deformable[state.body]
+    boundary = scene.outlines
     pressed = wetted_segments(scene, state)
     segments = np.concatenate(pressed)
     begin, value = (np.repeat(scene.pressure_values(at), [own.size for own in pressed]) for at in (first, t))
     c, ends = np.unique(np.stack([segments, boundary.next[segments]]), return_inverse=True)
     points = boundary.point[c]
-    row = (np.cumsum(deformable) - 1)[points]  # among the points of deformable bodies
-    interpolation = sp.csr_array(state.grids.assembly.grid.interpolation[row])
+    interpolation = sp.csr_array(state.grids.assembly.grid.interpolation[scene.among_deformable[points]])
     inside: Array = np.zeros(0)
     if not all(is_linear(material) for material in scene.materials):
         at = np.bincount(segments, value, boundary.size)
-        inside = np.asarray(0.5 * (at + at[boundary.previous]))[scene.nearest_boundary[deformable]]
+        inside = np.asarray(0.5 * (at + at[boundary.previous]))[scene.nearest_boundary[scene.deformable_points]]
     reference, assembly = state.x_anchor[:, points], state.grids.assembly
     return FollowerPressure(interpolation, reference, ends.reshape(2, -1), value, begin, assembly, inside)
 
@@ -99,12 +98,12 @@ def springs_of(scene: Scene, state: State, times: tuple[float, float], theta: fl
 
 def _beds(scene: Scene, state: State, beds: list[int], times: tuple[float, float], theta: float) -> Beds:
     places = [scene.sprung[i].first for i in beds]
-    points, number = np.concatenate([place.points for place in places]), _among_deformable(scene, state)
+    points = np.concatenate([place.points for place in places])
     each = [(stiffness_of(i, scene.springs[i]), place) for i, place in zip(beds, places, strict=True)]
     stiffness = np.concatenate([k[:, None] * place.share for k, place in each], axis=1)
     rest = np.stack([_at_points(scene, beds, t) for t in times])
     start = (state.x_anchor - scene.initial_positions)[:, points]
-    return Beds(stiffness, rest, theta, state.grids.assembly, number[points], start)
+    return Beds(stiffness, rest, theta, state.grids.assembly, scene.among_deformable[points], start)
 
 
 def _at_points(scene: Scene, beds: list[int], t: float) -> Array:
@@ -114,20 +113,15 @@ def _at_points(scene: Scene, beds: list[int], t: float) -> Array:
 
 
 def _bars(scene: Scene, state: State, bars: list[int], times: tuple[float, float], theta: float) -> Bars:
-    number, joined = _among_deformable(scene, state), list[tuple[Ints, Array, int]]()  # points, their shares, the bar
+    joined = list[tuple[Ints, Array, int]]()  # points, their shares, the bar
     for bar, i in enumerate(bars):
         for place, sign in zip(scene.sprung[i].sets, (1.0, -1.0), strict=False):
-            joined.append((number[place.points], sign * place.share, bar))
+            joined.append((scene.among_deformable[place.points], sign * place.share, bar))
     stiffness = np.array([stiffness_of(i, scene.springs[i])[0] for i in bars])
     rest = np.array([[float(scene.rest_of_spring(i, t)) for i in bars] for t in times])
     span = np.stack([scene.sprung[i].span(state.x_anchor) for i in bars])
     differences = _differences(joined, len(bars), state.grids.assembly.grid.interpolation)
     return Bars(stiffness, rest, theta, differences, span)
-
-
-def _among_deformable(scene: Scene, state: State) -> Ints:
-    """The number of each point among those of deformable bodies, (n,)."""
-    return np.asarray(np.cumsum(scene.deformable[state.body]) - 1)
 
 
 def _differences(ends: list[tuple[Ints, Array, int]], bars: int, N: sp.csr_array) -> sp.csr_array:
