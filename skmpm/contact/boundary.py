@@ -91,7 +91,7 @@ def point_to_curve(
     kept = 1.0 - PUSH_OUT * (min(1.0, dt * scene.fastest_wave / scene.cell) if inertia else 1.0)
     motion = Motion.prescribed(scene, state, motions, dt)
     interpolation = _boundary_interpolation(scene, grid, scene.outlines)
-    step = _PointToCurve(scene, state, dt, theta, motions, motion, interpolation, kept)
+    step = _PointToCurve(scene, state, theta, motion, interpolation, kept)
     margin = 0.5 * contact_reach(scene) + 2.0 * motion.largest(dt * state.v[:, scene.outlines.point], step.start)
     close = step.near(margin)
     if close is not None and scene.movable.any():
@@ -107,10 +107,8 @@ class _PointToCurve:
 
     scene: Scene
     state: State
-    dt: float  # [s]
     theta: float
-    motions: PrescribedVelocities
-    motion: Motion  # by these
+    motion: Motion  # as prescribed
     interpolation: sp.csr_array  # (m, nodes) from nodes to boundary points
     kept: float  # share of an initial overlap that stays
     margin: float = 0.0  # twice the motion up to which the candidates are complete [m]
@@ -118,9 +116,11 @@ class _PointToCurve:
 
     def __call__(self, w: Array, motions: PrescribedVelocities | None = None) -> Constraints:
         """The constraints at nodal velocities w (2 nodes,) [m/s], and what is prescribed if it is not as at first."""
-        motion = Motion.prescribed(self.scene, self.state, self.motions if motions is None else motions, self.dt)
+        dt, motion = self.motion.dt, self.motion
+        if motions is not None:
+            motion = Motion.prescribed(self.scene, self.state, motions, dt)
         velocity = (self.interpolation @ w.reshape(-1, 2)).T
-        moved = self.dt * velocity + motion.points
+        moved = dt * velocity + motion.points
         near = self._candidates(2.0 * motion.largest(moved, self.start))
         if near is None:
             return no_constraints(self.interpolation)
@@ -183,7 +183,7 @@ class _PointToCurve:
         """The outlines at t + theta dt in a step of constant velocities."""
         motion, boundary = self.motion, self.scene.outlines
         v = self.state.v + motion.change_of_box_velocity(self.state)
-        moved = np.where(self.scene.deformable[boundary.body], self.dt * v[:, boundary.point], motion.points)
+        moved = np.where(self.scene.deformable[boundary.body], motion.dt * v[:, boundary.point], motion.points)
         return near.curve.through(near.start.x + self.theta * motion.of_surfaces(near.surfaces, moved))
 
     def with_closest_points(self, near: Neighbours, *, slide: bool) -> Neighbours:
@@ -204,7 +204,7 @@ class _PointToCurve:
 
         `velocity` (2, points) [m/s] is what the nodes cause of it at the boundary points of bodies.
         """
-        surfaces, dt, x, points = near.surfaces, self.dt, near.start.x + moved, velocity.shape[1]
+        surfaces, dt, x, points = near.surfaces, motion.dt, near.start.x + moved, velocity.shape[1]
         at = np.einsum("jk,ijk->ik", found.own_weights, x[:, found.own])
         on_wall = found.bodies[1] < 0
         first, second = (surfaces.lattice[:, body] for body in (found.bodies[0], np.where(on_wall, *found.bodies)))
