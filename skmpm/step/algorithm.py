@@ -22,7 +22,7 @@ from skmpm.step.budget import budget_of
 from skmpm.step.contact_problem import ContactIterate, ContactProblem, KnownForces
 from skmpm.step.driven import prescribed_speeds_in_step
 from skmpm.step.driven_walls import check_driven
-from skmpm.step.end import end_of_step, with_box_motion
+from skmpm.step.end import box_as_prescribed, end_of_step
 from skmpm.step.equations import Increment
 from skmpm.step.errors import StepRejected
 from skmpm.step.factor import Factor, take
@@ -105,7 +105,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
             else:
                 fastest = max((speed for _, speed in prescribed_speeds_in_step(scene, motions)), default=0.0)
                 solution = _equilibrium(scene, state, increment, fastest, problem_of, factor, timer)
-            increment, solution = with_box_motion(increment, solution)
+            increment, solution = box_as_prescribed(increment, solution)
             end = end_of_step(increment, solution, motions)
             after = end_state(scene, state, increment, solution, end)
             timer.lap("transfer")

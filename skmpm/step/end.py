@@ -112,7 +112,7 @@ class End:
     internal: Array | None = None  # (k, n) internal variables of the points, None if no material has memory
 
 
-def with_box_motion(increment: Increment, solution: Solution) -> tuple[Increment, Solution]:
+def box_as_prescribed(increment: Increment, solution: Solution) -> tuple[Increment, Solution]:
     """A solved step as if the motion that was found of a periodic box had been prescribed.
 
     Bodies begin, and end, with what it has added to their velocities (`scalar_unknowns`).

@@ -64,10 +64,10 @@ def factorise(increment: Increment, configuration: Configuration, *, in_contact:
 class Refactorisation:
     """When a new matrix pays: where one more iteration with the present one would not converge, and a new one would.
 
-    In contact the first iteration goes with that of an earlier step, where there is one. Far from convergence, a new
-    one always pays. Closer to it, rates with a new matrix are those of contacts that change state, where there are
-    some: then only one that is slower than it was when it was new, or first used, is replaced. Without contact, rates
-    with an old one are at most those of the iteration before: it is kept for `WORTH` more of these.
+    In contact the first iteration goes with the matrix of an earlier step, where there is one. Far from convergence a
+    new one always pays. Closer to it, contacts that change state slow down iterations with any matrix: the present one
+    is replaced if iterations are slower than the first one with it. Without contact it is kept if `WORTH` more
+    iterations as good as the last one converge.
     """
 
     count: int = 0  # factorisations in this step; before the first the matrix is that of an earlier step
