@@ -17,7 +17,7 @@ from skmpm.outline.images import Images
 from skmpm.outline.near import both_ways, candidates
 from skmpm.outline.overlaps import box_pairs, boxes
 from skmpm.scene import Scene
-from skmpm.scene.contact_keys import ContactKeys, guard_keys, lattice_code
+from skmpm.scene.contact_keys import ContactKeys, first_keys, lattice_code
 
 # A rigid boundary that turns by more than this within a spacing s of the other boundary is treated as an edge: beside
 # edges boundaries stretch to twice their length, and a chord of 2 s would lie deeper in it than s SHARP_TURN / 2,
@@ -55,7 +55,7 @@ class Tension:
 
     def holds(self, key: Ints) -> Bools:
         """Whether contacts with keys (k,), or their second ones at the boundary points, bear tension."""
-        return np.isin(key, np.maximum(self.key, guard_keys(self.key)))
+        return np.isin(key, first_keys(self.key))
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ class Neighbours:
     def keys(self, point: Ints, segment: Ints) -> Ints:
         """Identities of the contacts of boundary points with the sides of segments, both (k,), in all steps.
 
-        Those of images are those of the bodies, with the lattice vectors between them.
+        A contact of images has that of a contact of their bodies, with the lattice vector between them.
         """
         curve, surfaces = self.curve, self.surfaces
         if surfaces.none:
