@@ -186,7 +186,7 @@ def test_impulses_on_a_rigid_body_turn_as_predicted(middle, monkeypatch):
     state = initial(scene)
     for _ in range(6):
         state = one_step(scene, state, 1e-4, scheme=Scheme(newton_tol=1e-9, gap_tol=1e-9, contact_tol=1e-10))
-    contact = found[-1].contact
+    contact = found[-1][0].contact
     rows, increment = contact.constraints, contact.increment
     turns = contact_stiffness(rows, contact.r, increment.dt, 1.0, contact.scalar_motion)
     x = increment.grid.position

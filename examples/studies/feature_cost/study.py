@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 import skmpm
-from skmpm.linear.solver import half_bandwidth
+from skmpm.linear.band import column_lengths, half_bandwidth
 
 from .. import pages
 from . import scenes
@@ -66,7 +66,7 @@ class Counts:
             self.rows.append(int(np.size(frame.f_locals["q"])))
             self.geometric.append(0 if bilateral is None else bilateral.q.size)
         if name == "skmpm.linear.choice.default":
-            self.bands.append(half_bandwidth(frame.f_locals["A"]))
+            self.bands.append(half_bandwidth(column_lengths(frame.f_locals["A"], frame.f_locals["blocks"])))
 
     def named(self, *ends: str) -> float:
         """Calls in a step of functions whose names end so."""

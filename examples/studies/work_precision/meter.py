@@ -11,7 +11,7 @@ import scipy.sparse as sp
 
 import skmpm
 from skmpm import linear
-from skmpm.linear.solver import half_bandwidth
+from skmpm.linear.band import column_lengths, half_bandwidth
 
 SIZES = ("unknowns", "points", "overlap")  # which are no sums: the largest counts
 
@@ -45,7 +45,7 @@ class Meter:
         self.check()
         self.factorisations += 1
         self.unknowns = max(self.unknowns, A.shape[0])
-        self.work += float(A.shape[0]) * half_bandwidth(A) ** 2
+        self.work += float(A.shape[0]) * half_bandwidth(column_lengths(A, blocks)) ** 2
         made = self.solver(A, blocks, rigid_motions)
         if isinstance(made, linear.Amg):
             made = replace(made, callback=self._solves.append)
