@@ -75,9 +75,8 @@ def lu(A: sp.bsr_array) -> dict[str, float]:
         return process_time() - began
 
     found = [seconds("MMD_AT_PLUS_A", 0.0)]
-    if (
-        half_bandwidth(column_lengths(A, np.array([0, A.shape[0]]))) < NARROW
-    ):  # bodies in their own order: less fill than minimum degree
+    width = half_bandwidth(column_lengths(A, np.array([0, A.shape[0]])))
+    if width < NARROW:  # bodies in their own order: less fill than minimum degree
         found.append(seconds("NATURAL", 0.0))
     return {"lu": min(found), "lu_direct": seconds("MMD_AT_PLUS_A", 1.0)}
 
