@@ -57,6 +57,17 @@ def shared_grid(
     ------
     SceneError
         if the body grids are not rebuilt at every step
+
+    Examples
+    --------
+    >>> import skmpm
+    >>> body = skmpm.Body(skmpm.disc((0, 0), 1e-3, spacing=2e-4), skmpm.NeoHookean(E=1e6, nu=0.3, density=1000))
+    >>> floor = skmpm.Wall((0, -1.2e-3), (0, 1))
+    >>> scene = skmpm.Scene([body], cell=4e-4, walls=[floor], gravity=(0, -9.81))
+    >>> scheme = skmpm.Scheme(contact=skmpm.contact.shared_grid, anchor=0.0)
+    >>> state = skmpm.step(scene, skmpm.initial(scene, scheme=scheme), 1e-4, scheme=scheme)
+    >>> bool(state.wall_force[0, 1] < 0)  # half a cell away
+    True
     """
     unknown = scene.deformable[state.body]
     if not np.array_equal(state.x_anchor, state.x):
