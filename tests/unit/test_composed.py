@@ -71,15 +71,15 @@ def test_groups_are_joined():
     ("make", "words"),
     [
         (lambda: skmpm.ring((0, 0), 2e-3, 1e-3, spacing=1e-4), "inner is 0.002 and outer 0.001"),
-        (lambda: skmpm.ring((0, 0), 0.0, 1e-3, spacing=1e-4), "inner is 0.0"),
+        (lambda: skmpm.ring((0, 0), 0.0, 1e-3, spacing=1e-4), "inner = 0.0"),
         (lambda: skmpm.joined([]), "joined"),
         (lambda: skmpm.joined([1]), "not a list of Points"),
         (lambda: skmpm.joined(skmpm.disc((0, 0), 1e-3, spacing=2e-4)), "not a list of Points"),
         (lambda: skmpm.row((0, 0), 2, (1, 0)), "part is a tuple"),
         (lambda: skmpm.row(skmpm.disc((0, 0), 1e-3, spacing=2e-4), 2, (0, 0)), r"step is \(0, 0\)"),
-        (lambda: skmpm.row(skmpm.disc((0, 0), 1e-3, spacing=2e-4), 2, ("a", 0)), "step is"),
+        (lambda: skmpm.row(skmpm.disc((0, 0), 1e-3, spacing=2e-4), 2, ("a", 0)), "step = "),
         (lambda: skmpm.row(skmpm.disc((0, 0), 1e-3, spacing=2e-4), 0, (1, 0)), "count is 0"),
-        (lambda: skmpm.row(skmpm.disc((0, 0), 1e-3, spacing=2e-4), 2, 1.0), "step is 1.0"),
+        (lambda: skmpm.row(skmpm.disc((0, 0), 1e-3, spacing=2e-4), 2, 1.0), "step = 1.0"),
     ],
 )
 def test_bad_arguments_are_named(make, words):
