@@ -65,9 +65,9 @@ class Refactorisation:
     """When a new matrix pays: where one more iteration with the present one would not converge, and a new one would.
 
     In contact the first iteration goes with the matrix of an earlier step, where there is one. Far from convergence a
-    new one always pays. Closer to it, contacts that change state slow down iterations with any matrix: it is replaced
-    if iterations are slower than the first one with it. Without contact it is kept if `WORTH` more iterations as good
-    as the last one converge.
+    new one always pays. Closer to it, contacts that change state slow down iterations with any matrix. Then the
+    present one is replaced if iterations are slower than the first one with it. Without contact it is kept if `WORTH`
+    more iterations as good as the last one converge.
     """
 
     count: int = 0  # factorisations in this step; before the first the matrix is that of an earlier step
