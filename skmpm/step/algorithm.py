@@ -204,7 +204,8 @@ def _rejected(start: State, error: Exception) -> StepRejected:
     if not isinstance(error, ArithmeticError):
         return StepRejected("all bodies", str(error))
     b = start.body[int(np.argmax(np.abs(start.v).max(axis=0)))]
-    return StepRejected(f"body {b}, the fastest of all", f"floating-point error ({error})", "check its velocity")
+    remedy = "check its velocity, or give it more points"
+    return StepRejected(f"body {b}, the fastest of all", f"floating-point error ({error})", remedy)
 
 
 def check_time(name: str, value: object, lowest: float, expected: str) -> None:

@@ -244,6 +244,21 @@ FOUND = {  # by random draws, made small; each was a defect of the library once
             scheme={"anchor": 0.2, "ghost": 0.0039090605739585576, "moment_fitting": False},
         ),
     ),
+    "bodies of one point, whose nodes may move as they like": (
+        "collision",
+        Parameters(
+            dt_c_h=4.0,
+            nu=0.45,
+            friction=0.5,
+            points_per_cell=1.0,
+            cells=1.7782794100389228,
+            offset=(0.0, 0.0),
+            bodies=2,
+            shape="point",
+            outlined=False,
+            steps=1,
+        ),
+    ),
 }
 
 
