@@ -159,7 +159,7 @@ class _PointToCurve:
             return None
         initial = scene.initial_positions[:, surfaces.outlines.point]
         curve, roles = outline.curve(surfaces.outlines, initial, at), _roles(scene, surfaces, initial)
-        return neighbours(scene, surfaces, curve.through(at), roles, own, margin, pairs)
+        return neighbours(scene, surfaces, curve.through(at), roles, own, margin, pairs, state.contacts)
 
     def pairs(self, near: Neighbours, walls: Array, moved: Array, theta: float) -> ContactPairs:
         """The contact pairs of surfaces whose boundary points have moved by `moved` (2, m) [m].

@@ -37,6 +37,7 @@ def contacts(
     loops: Loops,
     limits: tuple[float, float, float],
     kept: Bools,
+    pressed: Bools,
     chosen: Ints,
     parameter: Array,
     place: Array,
@@ -46,7 +47,8 @@ def contacts(
 
     `chosen` are the segment of the foot, -1 where there is no contact, and that at the start of the step; `place` the
     normal, the gap and that at the start; `limits` are depth, reach, and depth of edges [m]. Groups `kept` are
-    in contact at any gap, and beyond the ends of sides. The shifts of groups that `travel` [m] change to those here.
+    in contact at any gap, and beyond the ends of sides; those `pressed` together before are, however their edges have
+    turned. The shifts of groups that `travel` [m] change to those here.
     """
     depth, reach, edge_depth = limits
     most = max(depth, reach)
@@ -65,7 +67,8 @@ def contacts(
         i_before, _, x_facing, y_facing, gap_before, off_before = foot_of(at, shift[group], i, t, start_c, loops)
         if facing_c is not start_c:
             _, _, x_facing, y_facing, _, _ = foot_of(at, shift[group], i, t, facing_c, loops)
-        if not _faces(at, (x_facing, y_facing), facing_x, loops, edge_depth):
+        deepest = np.inf if pressed[group] else edge_depth
+        if not _faces(at, (x_facing, y_facing), facing_x, loops, deepest):
             continue
         chosen[0, group], chosen[1, group], parameter[group] = i, i_before, t
         place[0, group], place[1, group], place[2, group], place[3, group] = x_normal, y_normal, gap, gap_before

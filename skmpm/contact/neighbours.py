@@ -16,7 +16,7 @@ from skmpm.outline import Cubics, Curve
 from skmpm.outline.images import Images
 from skmpm.outline.near import both_ways, candidates
 from skmpm.outline.overlaps import box_pairs, boxes
-from skmpm.scene import Scene
+from skmpm.scene import Contacts, Scene
 from skmpm.scene.contact_keys import ContactKeys, first_keys, lattice_code
 
 # A rigid boundary that turns by more than this within a spacing s of the other boundary is treated as an edge: beside
@@ -72,6 +72,7 @@ class Neighbours:
     begins: Ints  # (groups,) first candidate of each group, those of a point on one side
     corner_pairs: Ints  # (2, k) pairs of convex corners of two bodies, or of parts of one
     own: SelfContact
+    loaded: Ints  # identities of the contacts that pressed bodies together at the start
     shifts: Shifts = field(default_factory=Shifts.none)  # to the closest points of the curves
     tension: Tension = field(default_factory=Tension.none)
     facing: Cubics | None = None  # outlines by which points face a side or not; those at the start if none
@@ -80,6 +81,11 @@ class Neighbours:
     def key(self) -> Ints:
         """Identities of the contacts of the groups, (groups,)."""
         return self.keys(self.point[self.begins], self.segment[self.begins])
+
+    @cached_property
+    def pressed(self) -> Bools:
+        """Whether the contacts of the groups pressed bodies together at the start, (groups,)."""
+        return np.isin(self.key, self.loaded)
 
     @cached_property
     def of_groups(self) -> Shifts:
@@ -122,7 +128,14 @@ class Neighbours:
 
 
 def neighbours(
-    scene: Scene, surfaces: Images, start: Cubics, roles: Roles, own: SelfContact, margin: float, pairs: Ints
+    scene: Scene,
+    surfaces: Images,
+    start: Cubics,
+    roles: Roles,
+    own: SelfContact,
+    margin: float,
+    pairs: Ints,
+    contacts: Contacts,
 ) -> Neighbours:
     """Candidates for contact of `pairs_of_bodies`: all points of that which gives them, corners of the other.
 
@@ -155,6 +168,7 @@ def neighbours(
         begins=np.flatnonzero(begins),
         corner_pairs=_corner_pairs(curve, roles, point, segment),
         own=own,
+        loaded=first_keys(contacts.key[contacts.force[0] > 0.0]),
     )
 
 

@@ -84,7 +84,8 @@ def _on_sides(near: Neighbours, now: Cubics) -> FootPoints:
     limits = (MAX_DEPTH * near.cell, near.reach, feet.MAX_EDGE_DEPTH * near.cell)
     facing = near.facing or start
     shapes = (now.x, now.c, start.c, facing.x, facing.c, near.curve.loops)
-    arguments = (*candidates, *shapes, limits, near.tension.holds(near.key), chosen, s, place, beside)
+    before = near.tension.holds(near.key), near.pressed
+    arguments = (*candidates, *shapes, limits, *before, chosen, s, place, beside)
     over_points(lambda first, last: feet.contacts(first, last, *arguments), groups)
     group = np.flatnonzero(chosen[0] >= 0)
     if near.own.bodies.size:

@@ -14,7 +14,7 @@ from skmpm.contact.constraints import lookup
 from skmpm.contact.projection import CORNER_DISC_DEPTH
 from skmpm.material import LinearElastic, NeoHookean, Rigid
 from skmpm.points import Points, box, disc
-from skmpm.scene import Body, Scene, SceneError, Wall
+from skmpm.scene import Body, Contacts, Scene, SceneError, Wall
 from skmpm.scheme import Scheme
 from skmpm.simulation import simulate
 from skmpm.step.algorithm import step
@@ -288,6 +288,28 @@ def turned_square(angle, corner, *, side=8 * CELL, per=CELL / 2):
     points = box((0, 0), (side, side), spacing=per)
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     return Points(turn @ points.x + np.reshape(corner, (2, 1)), points.volume, points.outline)
+
+
+def test_a_contact_that_pressed_bodies_together_stays_where_outlines_wrinkle():
+    """A point beside it has been pushed into the other body, as in the corner of a pore that closes.
+
+    Without a force the contact is left to that point; one that bore force would let its point through.
+    """
+    lower, upper = (Body(box((0.0, y), (8 * CELL, 4 * CELL), spacing=0.4 * CELL), GEL) for y in (0.0, 4 * CELL))
+    scene = Scene([lower, upper], cell=CELL)
+    state = initial(scene)
+    flat = rows_of(scene, state=state)[0]
+    middle = np.argmin(np.hypot(*(flat.x.T - (4 * CELL, 4 * CELL)).T))
+    ring = scene.outlines.point
+    beside = ring[scene.outlines.next[np.flatnonzero(ring == flat.point[middle])[0]]]
+    x = state.x.copy()
+    x[1, beside] += 0.6 * CELL
+    force = np.zeros((2, flat.gap.size))
+    for pressing in (0.0, 1.0):
+        force[0, middle] = pressing
+        contacts = Contacts(flat.bodies, flat.x, flat.normal, force, flat.gap, flat.key, flat.point, 0.0 * flat.x)
+        found = rows_of(scene, state=replace(state, x=x, contacts=contacts))[0]
+        assert (flat.key[middle] in found.key) == (pressing > 0.0)
 
 
 @pytest.mark.parametrize("order", [1, -1])
