@@ -102,8 +102,12 @@ def residuals(r: ArrayLike, u: ArrayLike, mu: ArrayLike, scale: ArrayLike) -> Ar
     """
     r, u, mu = np.asarray(r, dtype=float), np.asarray(u, dtype=float), np.asarray(mu, dtype=float)
     s = root(row_scales(scale, mu.size))
-    parts = natural(r * s, u / s, scaled_friction(mu, s))
-    return np.asarray(np.linalg.norm(parts.reshape(mu.size, r.size // max(mu.size, 1)), axis=1))
+    return _residuals(r * s, u / s, scaled_friction(mu, s))
+
+
+def _residuals(r: Array, u: Array, mu: Array) -> Array:
+    """Norms (k,) of the natural map of each contact, in scaled variables."""
+    return np.asarray(np.linalg.norm(natural(r, u, mu).reshape(mu.size, r.size // max(mu.size, 1)), axis=1))
 
 
 def natural(r: Array, u: Array, mu: Array) -> Array:
@@ -218,6 +222,10 @@ class Problem:
         parts = np.concatenate([natural(r[:k], u[:k], self.mu), u[k:]])
         error = float(np.linalg.norm(parts)) / self.reference
         return Iterate(r, u, error if np.isfinite(error) else np.inf)
+
+    def violations(self, r: Array, u: Array) -> Array:
+        """How much each contact violates its law at impulses and velocities, (k,)."""
+        return _residuals(r[: self.contacts], u[: self.contacts], self.mu)
 
     def clip_to_cone(self, r: Array) -> Array:
         """Clip the impulses of the contacts to their friction cones."""

@@ -154,7 +154,7 @@ def test_soft_discs_are_packed_more_densely_by_walls():
     seen = observe(found["scene"], found["dense"])
     box = float(np.prod(found["dense"].walls[[0, 3], [1, 0]]))
     assert found["solid"] / box == pytest.approx(0.82)
-    assert seen.pressure_walls > 0.0 and seen.solid_fraction > 0.79
+    assert seen.pressure_walls > 0.0 and seen.solid_fraction > 0.78
 
 
 CENTRES = """
@@ -193,10 +193,10 @@ def test_two_discs_that_turn_as_one_do_not_slide():
 
 
 def test_friction_jams_earlier():
-    """Without friction 0.72 is reached; with friction 1 it is not."""
-    assert smallest_gap(packed(30, 0.72)) > -1e-6
-    with pytest.raises(PackingError, match=r"jam at a solid fraction of 0\.[67]\d{3}, below the requested 0\.72"):
-        packed(30, 0.72, friction=1.0)
+    """Without friction 0.76 is reached; with friction 1 it is not."""
+    assert smallest_gap(packed(30, 0.76)) > -1e-6
+    with pytest.raises(PackingError, match=r"jam at a solid fraction of 0\.[67]\d{3}, below the requested 0\.76"):
+        packed(30, 0.76, friction=1.0)
 
 
 @pytest.mark.parametrize(
