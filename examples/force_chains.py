@@ -49,7 +49,7 @@ def main(out: Path, discs: int = 100) -> np.ndarray:
     figure, ((chains, stress), (order, forces)) = plt.subplots(2, 2, figsize=(9, 7), layout="constrained")
     skmpm.plot(scene, states[-1], "body", forces=True, axes=chains)
     skmpm.plot(scene, states[-1], seen.bodies.deviatoric_stress, axes=stress, label="deviatoric stress [Pa]")
-    order.plot(*skmpm.pair_correlation(scene, states[-1], bins=40, largest=5e-3))
+    order.plot(*skmpm.pair_correlation(scene, states[-1], bins=40, largest=4.5e-3))
     forces.semilogy(*pairs.force_distribution(bins=20))
     order.set(xlabel="r [m]", ylabel="g(r)"), forces.set(xlabel="normal force / mean", ylabel="probability density")
     out.mkdir(parents=True, exist_ok=True)
