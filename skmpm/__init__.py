@@ -60,7 +60,7 @@ from skmpm.step.algorithm import step
 from skmpm.step.initial_state import initial
 from skmpm.sweep import Run, Sweep, SweepError, sweep
 
-__version__ = "0.3.0rc2"
+__version__ = "0.3.0rc3"
 
 # scikit-fem tells of every assembly at level INFO: not to a caller who asks the root logger for that level only.
 if (_skfem := logging.getLogger("skfem")).level == logging.NOTSET:
