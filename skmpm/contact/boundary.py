@@ -24,7 +24,7 @@ from skmpm.arrays import Array
 from skmpm.contact.closest_points import closest_points
 from skmpm.contact.cohesion import tensile_strength
 from skmpm.contact.constraints import Constraints, Linearise, no_constraints
-from skmpm.contact.gap_function import ContactPairs, contacts_between_bodies, contacts_with_wall, geometry_of
+from skmpm.contact.gap_function import ContactPairs, contacts_between_bodies, contacts_with_walls, geometry_of
 from skmpm.contact.motion import Motion, contact_reach
 from skmpm.contact.neighbours import Neighbours, Roles, Tension, neighbours, pairs_of_bodies
 from skmpm.contact.rows import combinations, joined
@@ -166,9 +166,9 @@ class _PointToCurve:
 
         `walls` (2, walls, 2) are points of the walls at the start of the step, and their displacements [m].
         """
-        scene, start, each = self.scene, near.start.x, enumerate(zip(*walls, strict=True))
-        on_walls = (contacts_with_wall(scene, near, i, start, moved, *wall) for i, wall in each)
-        between = [] if near.none and walls.size else [contacts_between_bodies(scene, near, start, moved, theta)]
+        scene, start = self.scene, near.start.x
+        on_walls = [contacts_with_walls(scene, near, start, moved, walls)] if walls.size else []
+        between = [] if near.none and on_walls else [contacts_between_bodies(scene, near, start, moved, theta)]
         return joined([*between, *on_walls])
 
     def with_tension(self, near: Neighbours) -> Neighbours:

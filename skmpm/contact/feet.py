@@ -76,13 +76,11 @@ def contacts(
 
 
 @compiled
-def slide_on_wall(
-    point: Ints, shift: Array, travel: Array, x_normal: float, y_normal: float, c: Array, loops: Loops
-) -> None:
-    """Overwrite the shifts (k,) of contacts with a wall that travel."""
+def slide_on_walls(point: Ints, shift: Array, travel: Array, normal: Array, c: Array, loops: Loops) -> None:
+    """Overwrite the shifts (k,) of contacts with walls that travel; normals (2, k)."""
     for k in range(point.size):
         if travel[k] > 0.0:
-            shift[k] = slid(point[k], shift[k], travel[k], (0, 0.0, x_normal, y_normal), c, loops)
+            shift[k] = slid(point[k], shift[k], travel[k], (0, 0.0, normal[0, k], normal[1, k]), c, loops)
 
 
 @compiled

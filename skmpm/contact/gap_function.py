@@ -77,30 +77,34 @@ def contacts_between_bodies(scene: Scene, near: Neighbours, start: Array, moved:
     )
 
 
-def contacts_with_wall(
-    scene: Scene, near: Neighbours, i: int, start: Array, moved: Array, point: Array, step: Array
-) -> ContactPairs:
-    """Contact pairs of boundary points with wall i, which moves from `point` by `step`, both (2,) [m]."""
-    curve, boundary = near.curve, near.curve.outlines
-    normal, points = scene.normals[:, i], near.numbers.points
-    before, gap, c = np.empty(points), np.empty(points), np.empty(points, dtype=np.int64)
+def contacts_with_walls(scene: Scene, near: Neighbours, start: Array, moved: Array, walls: Array) -> ContactPairs:
+    """Contact pairs of boundary points with walls, one wall after the other.
+
+    `walls` (2, walls, 2) are points of the walls at the start of the step, and their displacements [m].
+    """
+    curve, boundary, points = near.curve, near.curve.outlines, near.numbers.points
+    each, normals = np.arange(walls.shape[1]), np.ascontiguousarray(scene.normals)
+    before, gap = np.empty((2, each.size, points))
     movable = scene.movable[boundary.body[:points]]
-    kept = near.tension.holds(near.numbers.at_walls(i, np.arange(points)))
-    c = c[: _wall_gaps(normal, start, point, moved, step, movable, kept, near.reach, before, gap, c)]
-    key = near.numbers.at_walls(i, c)
+    kept = near.tension.holds(near.numbers.at_walls(each[:, None], np.arange(points)))
+    found = np.empty((2, gap.size), dtype=np.int64)
+    size = _wall_gaps(normals, start, moved, walls, movable, kept, near.reach, before, gap, found)
+    wall, c = found[:, :size]
+    key = near.numbers.at_walls(wall, c)
     shifts = near.shifts.at(key)
     now = curve.through(start + moved) if shifts.travel.any() else None
     if now is not None:
-        feet.slide_on_wall(c, shifts.shift, shifts.travel, normal[0], normal[1], now.c, curve.loops)
+        feet.slide_on_walls(c, shifts.shift, shifts.travel, np.take(normals, wall, axis=1), now.c, curve.loops)
     doubled = guarded(shifts.shift)
-    c, key = np.append(c, c[doubled]), np.append(key, guard_keys(key[doubled]))
-    shift = np.append(shifts.shift, np.zeros(np.count_nonzero(doubled)))
+    order = np.argsort(np.append(wall, wall[doubled]), kind="stable")
+    wall, c = (np.append(values, values[doubled])[order] for values in (wall, c))
+    key = np.append(key, guard_keys(key[doubled]))[order]
+    shift = np.append(shifts.shift, np.zeros(np.count_nonzero(doubled)))[order]
     shifts = near.shifts.at(key)
     segment, s = curve.shifted(c, shift)
     own, weights = curve.stencil(segment), curve.weights(segment, s)
-    bodies = np.stack([boundary.body[c], np.full(c.size, -1 - i)])
-    normals = np.repeat(normal[:, None], c.size, axis=1)
-    own_shares, along = _own_tangents(now, curve, segment, s, normals)
+    bodies, normal = np.stack([boundary.body[c], -1 - wall]), np.take(normals, wall, axis=1)
+    own_shares, along = _own_tangents(now, curve, segment, s, normal)
     return ContactPairs(
         bodies=bodies,
         point=c,
@@ -115,9 +119,9 @@ def contacts_with_wall(
         along=along,
         travel=shifts.travel,
         wide_from=shifts.wide_from,
-        normal=normals,
-        gap=np.einsum("jk,jk->k", weights, gap[own]),
-        before=np.einsum("jk,jk->k", weights, before[own]),
+        normal=normal,
+        gap=np.einsum("jk,jk->k", weights, gap[wall, own]),
+        before=np.einsum("jk,jk->k", weights, before[wall, own]),
         friction=scene.frictions.between(bodies),
         kept=shifts.sagitta,
     )
@@ -138,11 +142,10 @@ def _own_tangents(now: Cubics | None, curve: Curve, segment: Ints, s: Array, nor
 
 @compiled_in_order
 def _wall_gaps(
-    normal: Array,
+    normals: Array,
     start: Array,
-    point: Array,
     moved: Array,
-    step: Array,
+    walls: Array,
     movable: Bools,
     kept: Bools,
     reach: float,
@@ -150,14 +153,19 @@ def _wall_gaps(
     gap: Array,
     near: Ints,
 ) -> int:
-    """Write the gaps (m,) of points and a wall before and after both have moved, and which are near or `kept`."""
+    """Write the gaps (walls, m) of points before and after all have moved; which walls and points are near or `kept`.
+
+    Returns the number of these.
+    """
     size = 0
-    for c in range(gap.size):
-        before[c] = normal[0] * (start[0, c] - point[0]) + normal[1] * (start[1, c] - point[1])
-        gap[c] = before[c] + normal[0] * (moved[0, c] - step[0]) + normal[1] * (moved[1, c] - step[1])
-        if (gap[c] < reach or kept[c]) and movable[c]:
-            near[size] = c
-            size += 1
+    for i in range(gap.shape[0]):
+        x, y, point, step = normals[0, i], normals[1, i], walls[0, i], walls[1, i]
+        for c in range(gap.shape[1]):
+            before[i, c] = x * (start[0, c] - point[0]) + y * (start[1, c] - point[1])
+            gap[i, c] = before[i, c] + x * (moved[0, c] - step[0]) + y * (moved[1, c] - step[1])
+            if (gap[i, c] < reach or kept[i, c]) and movable[c]:
+                near[0, size], near[1, size] = i, c
+                size += 1
     return size
 
 

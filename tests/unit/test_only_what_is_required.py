@@ -151,7 +151,7 @@ def test_bodies_out_of_each_others_reach_are_not_projected_on_one_another():
     ):
         calls, states = run(Scene([round_body(), *others], cell=CELL, walls=walls, gravity=(0.0, -9.81)))
         assert (calls.named("gap_function.contacts_between_bodies") > 0) == near
-        assert calls.named("gap_function.contacts_with_wall") > STEPS
+        assert calls.named("gap_function.contacts_with_walls") > STEPS
         assert (states[-1].contacts.bodies[1] == -1).any()
 
 
