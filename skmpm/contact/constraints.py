@@ -232,9 +232,8 @@ class Constraints:
         return np.stack([r, np.zeros_like(r)]) / dt
 
     def vectors(self, r: Array) -> Array:
-        """Impulses r as vectors, x of all contacts and then y, (2 k,)."""
-        vectors = np.einsum("kd,dik->ik", r.reshape(self.size, -1), np.stack(self.directions))
-        return np.asarray(vectors.ravel())
+        """Impulses r as vectors, (2, k)."""
+        return np.asarray(np.einsum("kd,dik->ik", r.reshape(self.size, -1), np.stack(self.directions)))
 
     def impulses(self, key: Ints, force: Array, dt: float) -> Array:
         """Impulses of these contacts from the forces (2, m) of contacts with keys `key` (m,); zero for others."""

@@ -38,6 +38,18 @@ def among(table: Table, chosen: NDArray[Any]) -> Table:
     return type(table)(**{f.name: getattr(table, f.name)[..., chosen] for f in fields(table)})
 
 
+def stacked(parts: Sequence[sp.csr_array]) -> sp.csr_array:
+    """The rows of matrices one after the other."""
+    rows: sp.csr_array = parts[0] if len(parts) == 1 else sp.vstack(parts, format="csr")
+    return rows
+
+
+def scaled(matrix: sp.csr_array, factor: Array) -> sp.csr_array:
+    """The rows of a matrix times factors (rows,)."""
+    data = matrix.data * np.repeat(factor, np.diff(matrix.indptr))
+    return sp.csr_array((data, matrix.indices, matrix.indptr), shape=matrix.shape)
+
+
 def components(matrix: sp.csr_array, *directions: Array) -> sp.csr_array:
     """Matrix (d k, 2 m) of the components along d `directions` (2, k) of the vectors that `matrix` (k, m) combines.
 

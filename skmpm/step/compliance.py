@@ -14,6 +14,7 @@ import scipy.sparse as sp
 
 from skmpm import coulomb
 from skmpm.arrays import Array, Ints
+from skmpm.contact.rows import stacked
 from skmpm.linear import Delassus, Solver
 from skmpm.linear.corrected import Joined, Rotated
 from skmpm.step.contact_problem import ContactIterate
@@ -74,10 +75,7 @@ def with_scalars(
     """
     left = right = contact.J
     if geometric is not None:
-        left, right = (
-            sp.csr_array(sp.vstack([contact.J, rows], format="csr"))
-            for rows in (geometric.Z_scalars, geometric.acting_scalars)
-        )
+        left, right = (stacked([contact.J, rows]) for rows in (geometric.Z_scalars, geometric.acting_scalars))
     unknowns, border = contact.increment.scalars, None
     stiffness = unknowns.inertia.response / unknowns.inertia.theta
     if unknowns.carrier is not None and contact.r.size > coulomb.MAX_DENSE_ROWS:
@@ -86,7 +84,8 @@ def with_scalars(
         if (W.diagonal()[: contact.r.size] >= box.multiply(box) @ (1.0 / rest)).all():
             border = Border(left[:, :few], right[:, :few], sp.csr_array(sp.diags_array(rest)), few)
             left, right, stiffness = left[:, few:], right[:, few:], stiffness[few:]
-    return sp.csr_array(W + left @ sp.diags_array(1.0 / stiffness) @ right.T), border
+    responding = sp.csr_array((left.data / stiffness[left.indices], left.indices, left.indptr), shape=left.shape)
+    return sp.csr_array(W + responding @ right.T), border
 
 
 def _padded(rows: sp.csr_array, shape: tuple[int, int]) -> sp.csr_array:
@@ -114,9 +113,7 @@ def delassus_matrix(
         delassus = Delassus.with_factor(solver, constraints.base, owners, factor.points, whole=reused)
     left = right = constraints.D
     if geometric is not None:
-        left, right = (
-            sp.csr_array(sp.vstack([left, rows], format="csr")) for rows in (geometric.Z, geometric.acting)
-        )
+        left, right = (stacked([left, rows]) for rows in (geometric.Z, geometric.acting))
     if turned:
         left, right = (turned.turned_back(rows, owners) for rows in (left, right))
     W, delassus = delassus.between(left, right)

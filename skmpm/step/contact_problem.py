@@ -173,8 +173,8 @@ class ContactIterate:
         if not scalars.kinds:
             return None
         first, second = (scalars.spins(constraints, side) for side in range(2))
-        turning, arms = scalars.turning(z, constraints)
-        return ScalarMotion(scalars.rows(z, constraints, [constraints.tangent]), (first, second), turning, arms)
+        virial, rates = scalars.turning(z, constraints, constraints.vectors(self.r))
+        return ScalarMotion(scalars.rows(z, constraints, [constraints.tangent]), (first, second), virial, rates)
 
     @property
     def elastic_shares(self) -> Array | float:

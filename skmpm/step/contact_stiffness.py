@@ -37,6 +37,7 @@ import scipy.sparse as sp
 
 from skmpm.arrays import ROUND_OFF, Array, Bools, Ints
 from skmpm.contact import Constraints
+from skmpm.contact.rows import scaled, stacked
 
 
 @dataclass(frozen=True)
@@ -81,19 +82,19 @@ class ScalarMotion:
 
     slide: sp.csr_array  # relative velocities along the tangents, (k, p)
     spins: tuple[sp.csr_array, sp.csr_array]  # angular velocities of the first and of the second body, (k, p)
-    rates: sp.csr_array  # angular velocities of q rigid bodies, (q, p)
-    arms: sp.csr_array  # of the contacts about their centres, negative for second bodies, (q, 2 k)
+    virial: Array  # of the contact impulses on q rigid bodies, (q,) [kg m2/s per m]
+    rates: sp.csr_array  # their angular velocities, (q, p)
 
     def slipping(self, chosen: Ints) -> sp.csr_array:
         """The columns (2 l, p) of the rows of contacts that slip: they slide, and second bodies turn."""
-        return sp.csr_array(sp.vstack([self.slide[chosen], -self.spins[1][chosen]], format="csr"))
+        return stacked([self.slide[chosen], -self.spins[1][chosen]])
 
     def turning(self, constraints: Constraints, chosen: Ints, sliding: Array | float) -> sp.csr_array:
         """The columns (chosen, p) of `Constraints.turning` for the unknowns."""
         at, first, second = constraints.geometry, *(spin[chosen] for spin in self.spins)
-        along, spread = (sp.diags_array(values[chosen]) for values in (at.along, constraints.spread))
-        bend = sp.diags_array(at.curvature[chosen] * sliding)
-        return sp.csr_array(-along @ first + along @ spread @ (second - bend @ self.slide[chosen]))
+        along, bend = at.along[chosen], at.curvature[chosen] * sliding
+        turned = scaled(second - scaled(self.slide[chosen], bend), along * constraints.spread[chosen])
+        return sp.csr_array(turned - scaled(first, along))
 
 
 def contact_stiffness(
@@ -113,19 +114,13 @@ def contact_stiffness(
     if sliding.size:
         parts.append(_sliding_points(constraints, r, sliding, motion, dt, theta))
     if motion is not None:
-        parts += _turning(constraints, r, motion, dt, theta)
+        parts += _turning(constraints, motion, dt, theta)
     if not parts:
         return None
-    Z, acting = (
-        sp.csr_array(sp.vstack(rows, format="csr"))
-        for rows in ([part.Z for part in parts], [part.acting for part in parts])
-    )
+    Z, acting = (stacked(rows) for rows in ([part.Z for part in parts], [part.acting for part in parts]))
     Z_scalars = acting_scalars = sp.csr_array((Z.shape[0], 0))
     if motion is not None:
-        Z_scalars, acting_scalars = (
-            sp.csr_array(sp.vstack(rows, format="csr"))
-            for rows in zip(*(part.scalars for part in parts), strict=True)
-        )
+        Z_scalars, acting_scalars = map(stacked, zip(*(part.scalars for part in parts), strict=True))
     compliance = sp.csr_array(sp.block_diag([part.compliance for part in parts], format="csr"))
     ratio, negative = _friction_ratio(constraints, r, chosen), sum(part.negative for part in parts)
     return ContactStiffness(chosen, ratio, Z, acting, Z_scalars, acting_scalars, compliance, negative)
@@ -148,10 +143,7 @@ def _slipping(
     """Contacts that slip or have no friction: their normals rotate, their feet move."""
     ratio = _friction_ratio(constraints, r, chosen)
     slide, rotation, stretch = constraints.geometric(chosen)
-    Z, acting = (
-        sp.csr_array(sp.vstack([slide, turned], format="csr"))
-        for turned in (rotation, rotation + sp.diags_array(ratio) @ stretch)
-    )
+    Z, acting = (stacked([slide, turned]) for turned in (rotation, rotation + sp.diags_array(ratio) @ stretch))
     scalars = () if motion is None else (motion.slipping(chosen),) * 2
     compliance = _compliance(constraints, chosen, constraints.normal_part(r)[chosen], ratio, dt, theta)
     return _Part(Z, acting, scalars, compliance, chosen.size)
@@ -182,9 +174,9 @@ def _sliding_points(
     return _Part(Z, acting, scalars, compliance, 0)
 
 
-def _turning(constraints: Constraints, r: Array, motion: ScalarMotion, dt: float, theta: float) -> list[_Part]:
+def _turning(constraints: Constraints, motion: ScalarMotion, dt: float, theta: float) -> list[_Part]:
     """Rigid bodies that turn, with a virial of their contact impulses: forces keep directions, arms turn."""
-    virial = motion.arms @ constraints.vectors(r)  # [kg m2/s per m]
+    virial = motion.virial
     chosen = np.flatnonzero(np.abs(virial) * abs(motion.rates).sum(axis=1) > 0.0)
     if chosen.size == 0:
         return []

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.sparse as sp
 
 from skmpm.arrays import Array
 from skmpm.contact import Constraints, acts_at_grid_nodes
@@ -20,7 +19,7 @@ from skmpm.scene import (
     with_normal_speeds,
 )
 from skmpm.scheme import Scheme
-from skmpm.step.scalar_unknowns import Interval, Unknowns
+from skmpm.step.scalar_unknowns import Entries, Interval, Unknowns
 
 
 def driving_forces(scene: Scene, walls: Array, t: float) -> Array:
@@ -85,11 +84,10 @@ class DrivenWalls(Unknowns):
         walls, at_end = (with_normal_speeds(self.scene, prescribed.walls, v) for v in (z, end))
         return replace(prescribed, walls=walls, walls_at_end=at_end)
 
-    def rows(self, z: Array, constraints: Constraints, directions: Sequence[Array]) -> sp.csr_array:
-        """From z to relative velocities (d k, p): a wall that moves along its normal closes its contacts."""
+    def rows(self, z: Array, constraints: Constraints, directions: Sequence[Array]) -> Entries:
+        """From z to relative velocities, d k rows: a wall that moves along its normal closes its contacts."""
         contact, wall = np.nonzero(constraints.bodies[1][:, None] == -1 - self.scene.driven_walls)
         d, normal = len(directions), constraints.normal[:, contact]
         closing = [-(each[:, contact] * normal).sum(axis=0) for each in directions]
         row = (d * contact + np.arange(d)[:, None]).ravel()
-        shape = (d * constraints.size, self.scene.driven_walls.size)
-        return sp.csr_array((np.concatenate(closing), (row, np.tile(wall, d))), shape=shape)
+        return Entries(np.concatenate(closing), row, self.first + np.tile(wall, d))

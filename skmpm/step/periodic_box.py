@@ -21,14 +21,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import scipy.sparse as sp
 
 from skmpm import outline
 from skmpm.arrays import Array
 from skmpm.contact import Constraints
 from skmpm.scene import Contacts, Periodic, PrescribedVelocities, Scene, State, deformed, recut
 from skmpm.scene.contact_keys import ContactKeys
-from skmpm.step.scalar_unknowns import Interval, Unknowns
+from skmpm.step.scalar_unknowns import Entries, Interval, Unknowns
 from skmpm.step.terms import Budget, Path
 
 
@@ -132,12 +131,13 @@ class StressedBox(Unknowns):
         change = (self._edges(z) - self._first_edges) @ np.linalg.inv(self.start) / self.dt
         return np.asarray(change @ self.centres)
 
-    def rows(self, z: Array, constraints: Constraints, directions: Sequence[Array]) -> sp.csr_array:
-        """From z to relative velocities (d k, q): bodies move with their centres, the second one with its image."""
+    def rows(self, z: Array, constraints: Constraints, directions: Sequence[Array]) -> Entries:
+        """From z to relative velocities, d k rows: bodies move with their centres, the second one with its image."""
         i, j = self.periodic.components
         centre = self._edges(z) @ np.linalg.solve(self.start, self.centres)
         first, second = (np.where(body < 0, 0.0, centre[:, np.maximum(body, 0)]) for body in constraints.bodies)
         branch = first - second - constraints.image
         each = [d[i] * branch[j] * self._scale(z)[:, None] for d in directions]  # (q, k)
         rows = np.stack([block.T for block in each], axis=1).reshape(-1, i.size)
-        return sp.csr_array(rows)
+        row, column = np.indices(rows.shape)
+        return Entries(rows.ravel(), row.ravel(), self.first + column.ravel())

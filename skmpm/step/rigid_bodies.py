@@ -10,12 +10,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.sparse as sp
 
 from skmpm.arrays import Array, Bools, Ints
 from skmpm.contact import Constraints
 from skmpm.scene import PrescribedVelocities, Scene, State, centres, fitted_motions
-from skmpm.step.scalar_unknowns import Interval, Unknowns
+from skmpm.step.scalar_unknowns import Entries, Interval, Unknowns
 from skmpm.step.scene_forces import forces_on_points
 
 
@@ -165,24 +164,19 @@ class FreeBodies(Unknowns):
         contact = np.flatnonzero(body >= 0)
         return contact, body[contact]
 
-    def spins(self, constraints: Constraints, side: int) -> sp.csr_array:
-        """From z to the angular velocities of the bodies on one side of the contacts [rad/s], (k, 3 n)."""
+    def spins(self, constraints: Constraints, side: int) -> Entries:
+        """From z to the angular velocities of the bodies on one side of the contacts [rad/s], k rows."""
         k, body = self._on_side(constraints, side)
-        rate = self.start.free[2, body] / self.start.radius[body]
-        return sp.csr_array((rate, (k, 3 * body + 2)), shape=(constraints.size, self.inertia.v0.size))
+        return Entries(self.start.free[2, body] / self.start.radius[body], k, self.first + 3 * body + 2)
 
-    def turning(self, z: Array, constraints: Constraints) -> tuple[sp.csr_array, sp.csr_array]:
-        """From z to the angular velocities of the bodies (n, 3 n) [rad/s], and arms of the contacts (n, 2 k) [m]."""
-        count, size = self.bodies.size, constraints.size
-        each = np.arange(count)
-        rate = sp.csr_array((self.start.free[2] / self.start.radius, (each, 3 * each + 2)), shape=(count, 3 * count))
-        arms = sp.csr_array((count, 2 * size))
+    def turning(self, z: Array, constraints: Constraints, impulses: Array) -> tuple[Array, Entries]:
+        """Virials (n,) of the impulses [kg m2/s per m], and from z to the angular velocities [rad/s], n rows."""
+        each, virial = np.arange(self.bodies.size), np.zeros(self.bodies.size)
         for side, sign in ((0, 1.0), (1, -1.0)):
             k, body = self._on_side(constraints, side)
-            arm = sign * self._arms(z, constraints, side, k, body)
-            place = (np.tile(body, 2), np.concatenate([k, size + k]))
-            arms = arms + sp.csr_array((arm.ravel(), place), shape=(count, 2 * size))
-        return rate, sp.csr_array(arms)
+            arm = self._arms(z, constraints, side, k, body)
+            virial += sign * _sums(body, (arm * impulses[:, k]).sum(axis=0), each.size)
+        return virial, Entries(self.start.free[2] / self.start.radius, each, self.first + 3 * each + 2)
 
     def _arms(self, z: Array, constraints: Constraints, side: int, k: Ints, body: Ints) -> Array:
         """Arms (2, c) of contacts k with some of the bodies on one side, about centres at the end of the step [m]."""
@@ -190,8 +184,8 @@ class FreeBodies(Unknowns):
         at = constraints.x[:, k] - (constraints.image[:, k] if side else 0.0)
         return np.asarray(at - centre[:, body])
 
-    def rows(self, z: Array, constraints: Constraints, directions: Sequence[Array]) -> sp.csr_array:
-        """From z to relative velocities (d k, 3 n), about the centres at the end of the step."""
+    def rows(self, z: Array, constraints: Constraints, directions: Sequence[Array]) -> Entries:
+        """From z to relative velocities, d k rows, about the centres at the end of the step."""
         row, column, data = [], [], []
         for side, sign in ((0, 1.0), (1, -1.0)):
             k, body = self._on_side(constraints, side)
@@ -202,6 +196,4 @@ class FreeBodies(Unknowns):
                 row.append(np.tile(len(directions) * k + i, 3))
                 column.append((3 * body + np.arange(3)[:, None]).ravel())
                 data.append(sign * each.ravel())
-        shape = (len(directions) * constraints.size, self.inertia.v0.size)
-        entries = (np.concatenate(data), (np.concatenate(row), np.concatenate(column)))
-        return sp.csr_array(entries, shape=shape)
+        return Entries(np.concatenate(data), np.concatenate(row), self.first + np.concatenate(column))

@@ -17,14 +17,15 @@ Nodal velocities of the iteration, and unknowns of bodies, are therefore without
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 
-from skmpm.arrays import EXACT, Array, Bools
+from skmpm.arrays import EXACT, Array, Bools, Ints
 from skmpm.contact import Constraints
 from skmpm.scene import PrescribedVelocities
 from skmpm.step.forces import DeadLoad
@@ -70,6 +71,17 @@ class Inertia:
         return Inertia(*(np.concatenate([none, *(getattr(part, f.name) for part in parts)]) for f in fields(Inertia)))
 
 
+class Entries(NamedTuple):
+    """What is not zero in a matrix with a column for each scalar unknown of a step."""
+
+    data: Array  # (n,)
+    row: Ints  # (n,)
+    column: Ints  # (n,)
+
+
+NONE = Entries(np.zeros(0), *np.zeros((2, 0), dtype=np.int64))
+
+
 @dataclass(frozen=True)
 class Unknowns(Term):
     """Unknowns of one kind, p velocities [m/s]: spins are times radii of gyration, strain rates times lengths."""
@@ -102,22 +114,22 @@ class Unknowns(Term):
         """All prescribed velocities with these: means z in the step, and those at its end (p,)."""
 
     @abstractmethod
-    def rows(self, z: Array, constraints: Constraints, directions: Sequence[Array]) -> sp.csr_array:
-        """From z to components of the relative velocities of k contacts, (d k, p).
+    def rows(self, z: Array, constraints: Constraints, directions: Sequence[Array]) -> Entries:
+        """From z to components of the relative velocities of k contacts, d k rows.
 
         They are those along d directions (2, k), one contact after the other.
         """
 
-    def spins(self, constraints: Constraints, side: int) -> sp.csr_array:
-        """From z to the angular velocities of the bodies on one side of k contacts [rad/s], (k, p); here none."""
-        return sp.csr_array((constraints.size, self.inertia.v0.size))
+    def spins(self, constraints: Constraints, side: int) -> Entries:
+        """From z to the angular velocities of the bodies on one side of k contacts [rad/s], k rows; here none."""
+        return NONE
 
-    def turning(self, z: Array, constraints: Constraints) -> tuple[sp.csr_array, sp.csr_array]:
-        """From z to the angular velocities of q bodies that turn (q, p), and arms of contacts about them (q, 2 k).
+    def turning(self, z: Array, constraints: Constraints, impulses: Array) -> tuple[Array, Entries]:
+        """Virials (q,) of q bodies that turn, and from z to their angular velocities [rad/s], q rows; here none.
 
-        The arms [m] are those of the impulses on the first bodies of k contacts, the signs of second ones changed.
+        Virials [kg m2/s per m] are sums of arms times impulses (2, k), those on the first bodies of k contacts.
         """
-        return sp.csr_array((0, self.inertia.v0.size)), sp.csr_array((0, 2 * constraints.size))
+        return np.zeros(0), NONE
 
     def translation(self, z: Array) -> Array | None:
         """Velocities of bodies, over those at the start of the step, (2, bodies); None where these carry none."""
@@ -182,23 +194,25 @@ class ScalarUnknowns:
 
     def rows(self, z: Array, constraints: Constraints, directions: Sequence[Array]) -> sp.csr_array:
         """From z to components of the relative velocities of k contacts along d directions (2, k), (d k, p)."""
-        return self._joined(
-            len(directions) * constraints.size,
-            (kind.rows(z[kind.own], constraints, directions) for kind in self.kinds),
-        )
+        found = [kind.rows(z[kind.own], constraints, directions) for kind in self.kinds]
+        return self._matrix(len(directions) * constraints.size, found)
 
     def spins(self, constraints: Constraints, side: int) -> sp.csr_array:
         """From z to the angular velocities of the bodies on one side of k contacts [rad/s], (k, p)."""
-        return self._joined(constraints.size, (kind.spins(constraints, side) for kind in self.kinds))
+        return self._matrix(constraints.size, [kind.spins(constraints, side) for kind in self.kinds])
 
-    def turning(self, z: Array, constraints: Constraints) -> tuple[sp.csr_array, sp.csr_array]:
-        """From z to the angular velocities of q bodies that turn (q, p), and arms of contacts about them (q, 2 k)."""
-        rates, arms = zip(*(kind.turning(z[kind.own], constraints) for kind in self.kinds), strict=True)
-        return sp.csr_array(sp.block_diag(rates)), sp.csr_array(sp.vstack(arms))
+    def turning(self, z: Array, constraints: Constraints, impulses: Array) -> tuple[Array, sp.csr_array]:
+        """Virials (q,) [kg m2/s per m] of bodies that turn, and from z to their angular velocities (q, p) [rad/s]."""
+        found = [kind.turning(z[kind.own], constraints, impulses) for kind in self.kinds]
+        virial = np.concatenate([np.zeros(0), *(each for each, _ in found)])
+        return virial, self._matrix(virial.size, [rates for _, rates in found])
 
-    def _joined(self, rows: int, parts: Iterable[sp.csr_array]) -> sp.csr_array:
-        """The columns of all kinds beside each other."""
-        return sp.csr_array(sp.hstack(list(parts))) if self.kinds else sp.csr_array((rows, 0))
+    def _matrix(self, rows: int, parts: Sequence[Entries]) -> sp.csr_array:
+        """The entries of all kinds."""
+        if not parts:
+            return sp.csr_array((rows, 0))
+        data, row, column = (np.concatenate(each) for each in zip(*parts, strict=True))
+        return sp.csr_array((data, (row, column)), shape=(rows, self.inertia.v0.size))
 
 
 def moved_by_scalars(rows: sp.csr_array) -> Bools:
