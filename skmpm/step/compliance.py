@@ -84,7 +84,9 @@ def with_scalars(
         if (W.diagonal()[: contact.r.size] >= box.multiply(box) @ (1.0 / rest)).all():
             border = Border(left[:, :few], right[:, :few], sp.csr_array(sp.diags_array(rest)), few)
             left, right, stiffness = left[:, few:], right[:, few:], stiffness[few:]
-    responding = sp.csr_array((left.data * (1.0 / stiffness)[left.indices], left.indices, left.indptr), shape=left.shape)
+    responding = sp.csr_array(
+        (left.data * (1.0 / stiffness)[left.indices], left.indices, left.indptr), shape=left.shape
+    )
     return sp.csr_array(W + responding @ right.T), border
 
 

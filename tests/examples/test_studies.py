@@ -65,13 +65,3 @@ def test_by_path_and_as_a_module(study, texts):
     assert all("--" in text for text in by_path.values())
     assert len(set(by_path.values())) == len(by_path)
     assert by_path[""].partition("options:")[2] == as_module.partition("options:")[2]
-
-
-def test_processes_that_a_study_starts_find_it_too(tmp_path):
-    """By path from elsewhere: two presets of a scene in a process that is spawned."""
-    path = ROOT / "examples" / "studies" / "work_precision"
-    page = ROOT / "docs" / "studies" / "work_precision.md"
-    (tmp_path / page.name).write_text(page.read_text())
-    options = ["--scenes", "cantilever", "--only", "preset", "--processes", "1", "--out", "out", "--docs", "."]
-    assert "cantilever preset" in run([path], *options, cwd=tmp_path)
-    assert len(list((tmp_path / "out").glob("cantilever_*/table.csv"))) == 3

@@ -1,7 +1,10 @@
 """The work-precision study at small size: its commands, resumption, records, and rules of comparison."""
 
+import os
 import re
 import shutil
+import subprocess
+import sys
 from dataclasses import replace
 from functools import partial
 from importlib import import_module
@@ -14,7 +17,8 @@ import pytest
 import skmpm
 from skmpm.sweep import execution
 
-DOCS = Path(__file__).parents[2] / "docs" / "studies"
+ROOT = Path(__file__).parents[2]
+DOCS, STUDY = ROOT / "docs" / "studies", ROOT / "examples" / "studies" / "work_precision"
 
 
 @pytest.fixture
@@ -39,13 +43,16 @@ CANTILEVER = ["--scenes", "cantilever", "--only", "preset", "sample", "--runs", 
 
 @pytest.fixture(scope="module")
 def ran(tmp_path_factory):
-    """The study of the cantilever, presets and two of the sample, and the page of it with all pictures."""
+    """The study of the cantilever, presets and two of the sample, and the page of it with all pictures.
+
+    By path from elsewhere: the process that the study spawns finds it, too.
+    """
     folder = tmp_path_factory.mktemp("study")
     (folder / "docs").mkdir()
     (folder / "docs" / "work_precision.md").write_text((DOCS / "work_precision.md").read_text())
-    module = import_module("examples.studies.work_precision.study")
-    where = ["--out", str(folder / "out"), "--docs", str(folder / "docs")]
-    module.main(module.parser().parse_args([*CANTILEVER, *where]))
+    command = [sys.executable, STUDY, *CANTILEVER, "--out", "out", "--docs", "docs"]
+    environment = {**os.environ, "PYTHONPATH": ""}
+    subprocess.run(command, env=environment, cwd=folder, check=True, capture_output=True)
     return folder
 
 

@@ -134,9 +134,13 @@ def test_a_step_changes_nothing_that_it_is_given_and_leads_to_the_same_bits_agai
     assert most > 1, "nothing touched"
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("scene, scheme, dt", CASES.values(), ids=CASES)
 def test_a_step_writes_into_no_array_that_it_is_given(scene, scheme, dt):
-    """Not even to restore it afterwards: all arrays of scene and state are read-only."""
+    """Not even to restore it afterwards: all arrays of scene and state are read-only.
+
+    Loops are compiled again for such arrays, which takes minutes.
+    """
     state = initial(frozen(scene), scheme=scheme)
     for _ in range(8):
         state = step(frozen(scene), frozen(state), dt, scheme=scheme)

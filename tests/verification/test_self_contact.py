@@ -68,7 +68,7 @@ def depth_of_ring(cells, friction, chosen=False):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("friction", [0.0, 0.5], ids=["smooth", "rough"])
+@pytest.mark.parametrize("friction", [pytest.param(0.0, marks=pytest.mark.nightly), 0.5], ids=["smooth", "rough"])
 def test_a_ring_is_pressed_flat(friction):
     """Without friction the tip of an arm slides on the side of the other, with friction two tips meet.
 
