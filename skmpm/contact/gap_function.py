@@ -153,10 +153,7 @@ def _wall_gaps(
     gap: Array,
     near: Ints,
 ) -> int:
-    """Write the gaps (walls, m) of points before and after all have moved; which walls and points are near or `kept`.
-
-    Returns the number of these.
-    """
+    """Write gaps (walls, m) before and after all have moved, and the walls and points that are near or `kept`."""
     size = 0
     for i in range(gap.shape[0]):
         x, y, point, step = normals[0, i], normals[1, i], walls[0, i], walls[1, i]

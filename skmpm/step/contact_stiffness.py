@@ -176,13 +176,13 @@ def _sliding_points(
 
 def _turning(constraints: Constraints, motion: ScalarMotion, dt: float, theta: float) -> list[_Part]:
     """Rigid bodies that turn, with a virial of their contact impulses: forces keep directions, arms turn."""
-    virial = motion.virial
-    chosen = np.flatnonzero(np.abs(virial) * abs(motion.rates).sum(axis=1) > 0.0)
+    chosen = np.flatnonzero(np.abs(motion.virial) * abs(motion.rates).sum(axis=1) > 0.0)
     if chosen.size == 0:
         return []
-    none, rates = sp.csr_array((chosen.size, 2 * constraints.difference.shape[1])), motion.rates[chosen]
-    compliance = sp.diags_array(1.0 / (theta * dt * virial[chosen]))
-    return [_Part(none, none, (rates, rates), compliance, int((virial[chosen] < 0.0).sum()))]
+    rates, virial = motion.rates[chosen], motion.virial[chosen]
+    none = sp.csr_array((chosen.size, 2 * constraints.difference.shape[1]))
+    compliance = sp.diags_array(1.0 / (theta * dt * virial))
+    return [_Part(none, none, (rates, rates), compliance, int((virial < 0.0).sum()))]
 
 
 def _compliance(

@@ -72,14 +72,11 @@ class Inertia:
 
 
 class Entries(NamedTuple):
-    """What is not zero in a matrix with a column for each scalar unknown of a step."""
+    """What is not zero in a matrix with a column for each scalar unknown of a step, each (n,); nothing by default."""
 
-    data: Array  # (n,)
-    row: Ints  # (n,)
-    column: Ints  # (n,)
-
-
-NONE = Entries(np.zeros(0), *np.zeros((2, 0), dtype=np.int64))
+    data: Array = np.zeros(0)
+    row: Ints = np.zeros(0, dtype=np.int64)
+    column: Ints = np.zeros(0, dtype=np.int64)
 
 
 @dataclass(frozen=True)
@@ -122,14 +119,14 @@ class Unknowns(Term):
 
     def spins(self, constraints: Constraints, side: int) -> Entries:
         """From z to the angular velocities of the bodies on one side of k contacts [rad/s], k rows; here none."""
-        return NONE
+        return Entries()
 
     def turning(self, z: Array, constraints: Constraints, impulses: Array) -> tuple[Array, Entries]:
         """Virials (q,) of q bodies that turn, and from z to their angular velocities [rad/s], q rows; here none.
 
         Virials [kg m2/s per m] are sums of arms times impulses (2, k), those on the first bodies of k contacts.
         """
-        return np.zeros(0), NONE
+        return np.zeros(0), Entries()
 
     def translation(self, z: Array) -> Array | None:
         """Velocities of bodies, over those at the start of the step, (2, bodies); None where these carry none."""
