@@ -1,10 +1,7 @@
 """The work-precision study at small size: its commands, resumption, records, and rules of comparison."""
 
-import os
 import re
 import shutil
-import subprocess
-import sys
 from dataclasses import replace
 from functools import partial
 from importlib import import_module
@@ -13,6 +10,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from test_studies import run
 
 import skmpm
 from skmpm.sweep import execution
@@ -50,9 +48,7 @@ def ran(tmp_path_factory):
     folder = tmp_path_factory.mktemp("study")
     (folder / "docs").mkdir()
     (folder / "docs" / "work_precision.md").write_text((DOCS / "work_precision.md").read_text())
-    command = [sys.executable, STUDY, *CANTILEVER, "--out", "out", "--docs", "docs"]
-    environment = {**os.environ, "PYTHONPATH": ""}
-    subprocess.run(command, env=environment, cwd=folder, check=True, capture_output=True)
+    assert "cantilever preset" in run([STUDY], *CANTILEVER, "--out", "out", "--docs", "docs", cwd=folder)
     return folder
 
 
@@ -149,9 +145,9 @@ def test_retiming_keeps_the_shorter_time(study, no_pictures, ran, tmp_path):
     assert sorted(member.parameters.get("again", 0) for member in found) == [0] * 5 + [1] * 3
     runs = results.load(tmp_path / "out").why("cantilever", "preset")
     assert len(runs) == 3
-    for run in runs:
-        same = [m for m in found if results.key(m.parameters["setting"]) == results.key(run.setting)]
-        assert run.seconds == pytest.approx(min(m.columns["seconds"].sum() / 4.0 for m in same), rel=1e-12)
+    for timed in runs:
+        same = [m for m in found if results.key(m.parameters["setting"]) == results.key(timed.setting)]
+        assert timed.seconds == pytest.approx(min(m.columns["seconds"].sum() / 4.0 for m in same), rel=1e-12)
 
 
 def test_references(study):

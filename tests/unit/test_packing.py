@@ -156,7 +156,7 @@ def test_soft_discs_are_packed_more_densely_by_walls():
     assert found["solid"] / sides.prod() == pytest.approx(0.82)
     R = found["radii"]
     rigid = generator._jams_at(R / R.mean(), Box(sides / R.mean(), np.full(2, False)))
-    assert seen.pressure_walls > 0.0 and seen.solid_fraction > rigid + 0.05
+    assert seen.pressure_walls > 0.0 and seen.solid_fraction > 0.78 > rigid + 0.05
 
 
 CENTRES = """
