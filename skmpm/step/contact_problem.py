@@ -22,7 +22,7 @@ from skmpm.step.contact_scale import ContactScale
 from skmpm.step.contact_stiffness import ScalarMotion, sticking
 from skmpm.step.equations import Increment
 from skmpm.step.errors import StepRejected, of_contact, pair
-from skmpm.step.scalar_unknowns import RESPONSE, moved_by_scalars
+from skmpm.step.scalar_unknowns import moved_by_scalars
 
 # [cells] Largest gap of a candidate contact. Candidates are selected in every iteration: a contact that an iteration
 # closes from a larger gap is one in the next. Twice of it gives packings of 300 discs 1.1 to 1.35 times as many rows;
@@ -175,17 +175,6 @@ class ContactIterate:
         first, second = (scalars.spins(constraints, side) for side in range(2))
         virial, rates = scalars.turning(z, constraints, constraints.vectors(self.r))
         return ScalarMotion(scalars.rows(z, constraints, [constraints.tangent]), (first, second), virial, rates)
-
-    @property
-    def elastic_shares(self) -> Array | float:
-        """Of the response of each contact the share that is not that of scalar unknowns without mass, (k,).
-
-        Between walls of prescribed motion gaps are a millionth of it anyway.
-        """
-        unknowns = self.increment.scalars
-        if not unknowns.kinds or unknowns.inertia.mass.any():
-            return 1.0
-        return np.where(moved_by_scalars(self.J[:: len(self.constraints.directions)]), RESPONSE, 1.0)
 
     @cached_property
     def impulse(self) -> Array:

@@ -13,7 +13,7 @@ from skmpm.arrays import Array
 from skmpm.linear import Solver
 from skmpm.step.compliance import Border, delassus_matrix
 from skmpm.step.contact_problem import ContactIterate, KnownForces, check_response
-from skmpm.step.contact_scale import ContactScale, contact_scale
+from skmpm.step.contact_scale import FARTHEST, ContactScale, contact_scale
 from skmpm.step.contact_stiffness import ContactStiffness, contact_stiffness
 from skmpm.step.errors import NOTHING_DEFORMS, StepRejected, of_contact
 from skmpm.step.factor import Factor
@@ -177,7 +177,8 @@ class _Linearised:
         if constraints.cohesive:
             free = q + (W @ np.concatenate([known - contact.r, np.zeros(W.shape[0] - k)]))[:k]
         round_off = contact.problem.speed_round_off / scheme.gap_tol
-        limits = round_off, increment.dt, scheme.contact_tol, contact.elastic_shares
+        farthest = np.inf if scheme.inertia else FARTHEST * increment.grid.cell / increment.dt
+        limits = round_off, increment.dt, scheme.contact_tol, farthest
         scale = contact_scale(constraints, diagonal, free, *limits)
         options |= {"tol": scheme.contact_tol, "reference": scale.reference, "repeated": True}
         r, info = coulomb.solve(W, q, constraints.friction, r0=start, **options)

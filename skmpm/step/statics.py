@@ -21,6 +21,7 @@ from skmpm.arrays import Array, Bools
 from skmpm.scene import between_bodies
 from skmpm.scene.report import Timer
 from skmpm.step.contact_problem import ContactIterate, ContactProblem
+from skmpm.step.contact_scale import FARTHEST
 from skmpm.step.equations import Increment
 from skmpm.step.errors import StepRejected
 from skmpm.step.factor import Factor
@@ -33,10 +34,10 @@ from skmpm.step.terms import Configuration
 # tenth of it a plus falls off an L, test_assemblies) and the largest. With less than the first, solves of bodies that
 # buckle fail; with twice as much boxes take more iterations (test_statics). Bodies that supports hold have none.
 FIRST, LEAST, LARGEST = 1e-4, 1e-8, 1.0
-# Twice and half of the next three are wrong about heaps that stand or discs that fall (test_equilibrium).
+# Twice and half of these two, and of `FARTHEST`, are wrong about heaps that stand or discs that fall
+# (test_equilibrium).
 MOTION = 0.1  # [cells] of a body that nothing holds in one solve, beyond what prescribed motions move
 TOO_FAR = 0.2  # [cells] beyond them: such a solve is repeated with a larger share
-FARTHEST = 6.0  # [cells] beyond them of a body in all solves: one falls by 4 cells, but not by 8 (test_equilibrium)
 WORK = 0.1  # over Newton's tolerance: work along the last solve, beside that of all forces (test_crystal)
 MAX_SOLVES = round(2.0 * FARTHEST / MOTION)  # a body that moves on takes half, a packing that gives way 80
 # Largest factor of a share, or of its inverse, from one solve to the next, and that after a solve that failed. Later

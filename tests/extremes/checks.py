@@ -34,9 +34,6 @@ DEPTH = 0.15  # [cells] of a boundary point in the polygon of another body, in s
 FOLD = 4.0  # [cells] along the outline between edges that cross: parts farther apart touch, as two bodies do
 DEPTH_COARSE = 0.5  # [cells] in those: steps are taken back by the area of a lens 0.25 deep; 0.32 seen
 OPEN = 1e-3  # [cells] gap of a contact that carries force
-STILL = (
-    10.0  # times that, SLIP and SUNK without inertia: gap_tol is relative to where soft springs would let bodies go
-)
 BEHIND = 0.05  # [cells] points behind walls
 OVERLAP = 0.01  # of the bodies' area
 MANY = 40  # bodies up to which points are looked for in polygons
@@ -284,18 +281,24 @@ class Watch:
         return work + float((given_forces(self.scene, new.mass, t) * (new.x - old.x)).sum())
 
     def _exchanged(self, old: skmpm.State, new: skmpm.State, external: float) -> float:
-        """Changes of kinetic and elastic energy in a step and its works, also at contacts, in absolute values."""
+        """Changes of kinetic and elastic energy in a step and its works, also at contacts, in absolute values.
+
+        At contacts each force acts along the relative motion of the two bodies, and along that of the contact point
+        in each (docs/theory/steps.md).
+        """
         first, last = old.report.energy, new.report.energy
         changes = (last.kinetic - first.kinetic, last.elastic - first.elastic, self.external - external)
         contacts, moved, at_contacts = new.contacts, new.x - old.x, 0.0
-        for k, b in enumerate(contacts.bodies[1]):
-            path = moved[:, contacts.point[k]]
+        means = np.stack([moved[:, new.body == b].mean(axis=1) for b in range(len(self.scene.bodies))], axis=1)
+        for k, (a, b) in enumerate(contacts.bodies.T):
+            path = np.hypot(*(moved[:, contacts.point[k]] - means[:, a]))
             if b < 0:
-                path = path - (new.walls - old.walls)[-1 - b]
+                other = (new.walls - old.walls)[-1 - b]
             else:
-                own = np.flatnonzero(new.body == b)
-                path = path - moved[:, own[np.argmin(np.hypot(*(new.x[:, own] - contacts.x[:, [k]])))]]
-            at_contacts += float(np.hypot(*contacts.force[:, k]) * np.hypot(*path))
+                own, other = np.flatnonzero(new.body == b), means[:, b]
+                path += np.hypot(*(moved[:, own[np.argmin(np.hypot(*(new.x[:, own] - contacts.x[:, [k]])))]] - other))
+            path += np.hypot(*(means[:, a] - other))
+            at_contacts += float(np.hypot(*contacts.force[:, k]) * path)
         return float(np.abs(changes).sum()) + at_contacts
 
     def _elastic(self, state: skmpm.State, J: np.ndarray) -> tuple[float, float]:
@@ -341,10 +344,8 @@ class Watch:
         self._limit("outside the cone", excess, CONE, state, "friction beyond Coulomb's cone")
         if self.case.scheme.contact is skmpm.contact.point_to_curve:
             loaded = f_n > 1e-3 * largest
-            limit = OPEN * (1.0 if self.case.scheme.inertia else STILL)
-            self._limit(
-                "loaded gap", float(contacts.gap[loaded].max(initial=0.0)) / h, limit, state, "force at a gap"
-            )
+            gap = float(contacts.gap[loaded].max(initial=0.0)) / h
+            self._limit("loaded gap", gap, OPEN, state, "force at a gap")
 
     def _sliding(self, old: skmpm.State, new: skmpm.State) -> None:
         """On walls, by the points' own displacements: what sticks does not slide, friction opposes what slides."""
@@ -358,18 +359,17 @@ class Watch:
         sticks = loaded & (np.abs(f_t) < (1.0 - 1e-3) * mu * f_n)
         along = loaded & (np.abs(f_t) > 1e-3 * mu * f_n)
         slid, drawn = np.abs(slip[sticks]), (np.sign(f_t) * slip)[along]
-        h, times = self.scene.cell, 1.0 if self.case.scheme.inertia else STILL
-        self._limit("slip", float(slid.max(initial=0.0)) / h, times * SLIP, new, "sticks and slides [cells]")
-        self._limit("drag", float(drawn.max(initial=0.0)) / h, times * SLIP, new, "friction drives [cells]")
+        h = self.scene.cell
+        self._limit("slip", float(slid.max(initial=0.0)) / h, SLIP, new, "sticks and slides [cells]")
+        self._limit("drag", float(drawn.max(initial=0.0)) / h, SLIP, new, "friction drives [cells]")
 
     def _sunk(self, old: skmpm.State, new: skmpm.State) -> None:
         """Boundary points stay in front of walls, unless a support moves them or they were behind before."""
         if not (self.case.scheme.contact is skmpm.contact.point_to_curve and self.case.scheme.theta == 1.0):
             return
-        times = 1.0 if self.case.scheme.inertia else STILL
         before, after = (behind_walls(self.scene, state) / self.scene.cell for state in (old, new))
         deeper = np.where(after > np.maximum(before, 0.0), after, 0.0)
-        self._limit("sunk", float(deeper.max(initial=0.0)), times * SUNK, new, "sinks into a wall [cells]")
+        self._limit("sunk", float(deeper.max(initial=0.0)), SUNK, new, "sinks into a wall [cells]")
 
     def _prescribed(self, old: skmpm.State, new: skmpm.State) -> None:
         """Supports move as prescribed; a quasi-static step leads to an equilibrium nearby."""

@@ -275,6 +275,26 @@ WRONG_TODAY = {
         ),
         None,
     ),
+    "friction drives a foot on a floor": (
+        Assembly(
+            (
+                Piece(
+                    "dumbbell", angle=1.8752506524455153, shift=-0.2881745550529241, linear=True, nu=0.31907261574153
+                ),
+                Piece("dumbbell", angle=0.5 * np.pi, linear=True, nu=0.24018179097831),
+                Piece("C", linear=True, nu=0.4239914558015, stiffness=6.698361649806),
+            ),
+            weight=0.001670721668166341,
+            left=0.2,
+            right=0.5,
+            friction=1.0,
+            gap=0.12318714816671149,
+            cells=3.9810717055349722,
+            offset=(0.5, 0.5),
+            steps=3,
+        ),
+        None,
+    ),
 }
 
 NEAR_BY = "fails although there is an equilibrium"
