@@ -50,7 +50,7 @@ def check_step(scene: Scene, scheme: Scheme, before: State, after: State, budget
     _check_travel(scene, before, after, exact, (solves - 1) * TOO_FAR * scene.cell)
     if exact:
         _check_walls(scene, after)
-    return _check_overlap(scene, after, exact)
+    return _check_overlap(scene, after)
 
 
 def _check_points(scene: Scene, after: State, budget: Budget) -> None:
@@ -232,14 +232,14 @@ def _check_walls(scene: Scene, after: State) -> None:
             )
 
 
-def _check_overlap(scene: Scene, after: State, exact: bool) -> float:
+def _check_overlap(scene: Scene, after: State) -> float:
     """Overlap area over that of all bodies, by their outlines, zero without; StepRejected if one lies too deep."""
     boundary, bodies = scene.outlines, len(scene.bodies)
     if (bodies == 1 and after.box is None) or boundary.point.size == 0:
         return 0.0
     x = after.x[:, boundary.point]
     pairs, shared, depth = overlaps(scene, x, after.box)
-    if exact and float(depth.max(initial=0.0)) > MAX_OVERLAP * scene.cell:
+    if float(depth.max(initial=0.0)) > MAX_OVERLAP * scene.cell:
         a, b = pairs[:, np.argmax(depth)]
         raise StepRejected(f"bodies {a} and {b}", f"they overlap by {depth.max() / scene.cell:.3g} cells")
     return float(shared.sum() / outline.area(boundary, x, bodies).sum())

@@ -259,6 +259,23 @@ FOUND = {  # by random draws, made small; each was a defect of the library once
             steps=1,
         ),
     ),
+    "discs with contact at shared nodes pass through each other": (
+        "collision",
+        Parameters(
+            dt_c_h=4.0,
+            nu=0.45,
+            friction=0.0,
+            closing=0.25,
+            points_per_cell=1.0,
+            cells=4.216965034285822,
+            offset=(0.0, 0.0),
+            bodies=2,
+            outlined=False,
+            mean_dilatation=False,
+            steps=6,
+            scheme=SEED | {"theta": 0.5},
+        ),
+    ),
 }
 
 
