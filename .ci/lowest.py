@@ -46,7 +46,8 @@ def main() -> int:
     with TemporaryDirectory() as folder:
         python = Path(folder, "bin", "python")
         subprocess.run([sys.executable, "-m", "venv", folder], check=True)
-        subprocess.run([python, "-m", "pip", "install", "--quiet", "--no-compile", "--only-binary", ":all:", *needed], check=True)
+        install = [python, "-m", "pip", "install", "--quiet", "--no-compile", "--only-binary", ":all:"]
+        subprocess.run([*install, *needed], check=True)
         variables = {
             "PYTHONPATH": str(ROOT),
             "NUMBA_CACHE_DIR": folder,
