@@ -2,7 +2,7 @@
 
 Problem: `assemblies.py`, dynamic steps and quasi-static ones. Reference and tolerances: balances of forces and of
 moments, Coulomb's law by the points' displacements and polygons that do not cross: the limits of `checks.py`.
-Twelve examples here, the same at every run; 500 by `--hypothesis-profile=nightly` (tests/conftest.py).
+Six examples here, the same at every run; 500 by `--hypothesis-profile=nightly` (tests/conftest.py).
 """
 
 from dataclasses import replace
@@ -21,7 +21,7 @@ from test_random import CLEAR, by_hypothesis, quiet  # noqa: F401  (a fixture)
 
 import skmpm
 
-EXAMPLES = 12 if settings().max_examples <= 100 else settings().max_examples // 2
+EXAMPLES = 6 if settings().max_examples <= 100 else settings().max_examples // 2
 SECONDS = 60  # of the processor for an example, which takes about one: beyond it something hangs
 STEPS = 30  # after which a run that halves its steps again and again is left
 
@@ -43,7 +43,7 @@ def assemblies(draw):
 @pytest.mark.slow
 @settings(
     max_examples=EXAMPLES,
-    derandomize=EXAMPLES <= 12,
+    derandomize=EXAMPLES <= 6,
     deadline=None,
     database=None,
     suppress_health_check=[HealthCheck.too_slow],

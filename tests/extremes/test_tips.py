@@ -51,7 +51,7 @@ def pressed(scene):
 # Of seeds 0 to 4 three bear it with tips of 20 degrees, rounded by half a cell or by one, all with 60 degrees.
 @pytest.mark.parametrize(
     "degrees, rounding, seed",
-    [(50.0, 1e-3, 3), (20.0, 1.0, 1), pytest.param(20.0, 0.5, 1, marks=pytest.mark.nightly)],
+    [(50.0, 1e-3, 3), *(pytest.param(20.0, rounding, 1, marks=pytest.mark.nightly) for rounding in (0.5, 1.0))],
 )
 def test_blunt_and_rounded_tips_are_pressed(degrees, rounding, seed):
     scene = grains(degrees, rounding, seed)

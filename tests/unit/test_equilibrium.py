@@ -166,7 +166,7 @@ def test_stacks_drawn_at_random_stand_where_every_centre_is_above_an_edge(seed):
         refused(scene, r"body [12]: no equilibrium was found: it topples on body")
 
 
-@pytest.mark.parametrize("spacing", [0.66, 0.74])
+@pytest.mark.parametrize("spacing", [pytest.param(0.66, marks=pytest.mark.nightly), 0.74])
 @pytest.mark.parametrize("holds", HOLD)
 def test_a_pile_of_three_discs_stands_and_falls_at_its_limit(spacing, holds):
     """Three discs, the upper on the others: friction of at least tan 15 degrees at both contacts holds it."""

@@ -1098,6 +1098,7 @@ print(memory('VmHWM') - imported, skmpm.preflight(scene, options.dt).memory)
 """
 
 
+@pytest.mark.nightly
 @pytest.mark.skipif(sys.platform != "linux", reason="reads the peak of one process from /proc")
 def test_memory_is_what_a_run_takes_within_a_factor_of_one_and_a_half():
     """60 discs of the main job, three steps, in a process of their own."""

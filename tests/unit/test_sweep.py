@@ -331,7 +331,7 @@ def meanwhile(monkeypatch):
     return start
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGKILL, pytest.param(signal.SIGTERM, marks=pytest.mark.nightly)])
 def test_a_worker_that_ends_in_the_middle(client, tmp_path, meanwhile, number):
     """Killed, or told to end: its member goes on from its checkpoint, both tables are those of loops by hand."""
     members = [{"speed": speed, "slow": True} for speed in (1.0, 2.0)]
@@ -419,8 +419,11 @@ def await_checkpoints(folders):
 
 @pytest.mark.parametrize(
     ("send", "number"),
-    [(os.kill, signal.SIGTERM), (os.killpg, signal.SIGTERM), (os.killpg, signal.SIGINT)],
-    ids=["SIGTERM", "SIGTERM to all", "Ctrl-C"],
+    [
+        pytest.param(os.kill, signal.SIGTERM, id="SIGTERM", marks=pytest.mark.nightly),
+        pytest.param(os.killpg, signal.SIGTERM, id="SIGTERM to all", marks=pytest.mark.nightly),
+        pytest.param(os.killpg, signal.SIGINT, id="Ctrl-C"),
+    ],
 )
 def test_a_signal_writes_checkpoints_and_the_sweep_goes_on_from_them(client, tmp_path, send, number):
     """To the first process, or to all: members that run are interrupted, the third is not begun; nothing is lost."""

@@ -257,7 +257,7 @@ def test_errors_tell_where_contacts_are_too_narrow(spacing):
     assert np.mean(np.abs(peak) < np.maximum(0.05, estimate)) >= 0.95
 
 
-ROLLERS = [(1.1, 0.85), pytest.param(0.85, 1.2, marks=pytest.mark.slow)]
+ROLLERS = [(1.1, 0.85), pytest.param(0.85, 1.2, marks=pytest.mark.nightly)]
 
 
 @pytest.mark.parametrize(("angle", "edges"), ROLLERS)

@@ -75,7 +75,9 @@ def expected_energy(t, dt, theta):
     return np.exp(-t * np.log1p((FREQUENCY * dt) ** 2) / dt) if theta == 1.0 else np.ones_like(t)
 
 
-@pytest.mark.parametrize(("solver", "offset"), [("banded", 0.0), ("amg", 0.15)])
+@pytest.mark.parametrize(
+    ("solver", "offset"), [("banded", 0.0), pytest.param("amg", 0.15, marks=pytest.mark.nightly)]
+)
 def test_bar_keeps_its_period_to_a_thousandth_and_its_energy_over_ten_periods(solver, offset):
     """Fixed-free bar, nu = 0, h = 1/2, dt = 0.1 s (c dt = 2 h), midpoint rule, against separation of variables.
 

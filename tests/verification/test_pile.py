@@ -199,7 +199,7 @@ def test_three_frictionless_discs_push_the_side_walls_along_their_lines_of_centr
 
 
 @pytest.mark.parametrize(("share", "stands"), [(0.7, False), (1.15, True)])
-@pytest.mark.parametrize("spacing", [0.625, 0.66])
+@pytest.mark.parametrize("spacing", [0.625, pytest.param(0.66, marks=pytest.mark.nightly)])
 def test_a_pile_without_inertia_needs_about_the_friction_of_its_limit(spacing, share, stands):
     """Two discs on a floor, one on them: tan(angle / 2). On chords it may do with 0.8 of it."""
     r, h, half = 0.01, 0.002, 1.1
