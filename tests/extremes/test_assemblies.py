@@ -17,11 +17,11 @@ from hypothesis import HealthCheck, event, given, settings
 from hypothesis import strategies as st
 from statics import has_equilibrium
 from sweeps import limited
-from test_random import CLEAR, by_hypothesis, quiet  # noqa: F401  (a fixture)
+from test_random import CLEAR, USUAL, by_hypothesis, quiet  # noqa: F401  (a fixture)
 
 import skmpm
 
-EXAMPLES = 6 if settings().max_examples <= 100 else settings().max_examples // 2
+EXAMPLES = 6 if USUAL else settings().max_examples // 2
 SECONDS = 60  # of the processor for an example, which takes about one: beyond it something hangs
 STEPS = 30  # after which a run that halves its steps again and again is left
 
@@ -43,7 +43,7 @@ def assemblies(draw):
 @pytest.mark.slow
 @settings(
     max_examples=EXAMPLES,
-    derandomize=EXAMPLES <= 6,
+    derandomize=USUAL,
     deadline=None,
     database=None,
     suppress_health_check=[HealthCheck.too_slow],
