@@ -133,7 +133,6 @@ def test_ends_of_runs(study):
     assert run.status == torn["status"]
 
 
-@pytest.mark.nightly
 def test_retiming_keeps_the_shorter_time(study, no_pictures, ran, tmp_path):
     """The presets on the cantilever once more, beside the first time; the faster counts."""
     no_pictures()

@@ -61,7 +61,6 @@ def read_only(tmp_path):
         place.chmod(mode)
 
 
-@pytest.mark.nightly
 def test_the_first_run_after_an_installation_has_the_bits_of_all_others(tmp_path, read_only):
     """One process compiles all loops, others read them: also from a read-only copy whose times have changed."""
     installed = tmp_path / "installed"

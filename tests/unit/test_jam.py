@@ -129,9 +129,7 @@ def test_it_shows_what_was_found():
         ({"increment": None}, "between 1e-6 and 0.05"),
         ({"tolerance": 0.0}, "jam: tolerance"),
         ({"tolerance": 0.01}, "between 1e-9 and the increment"),
-        pytest.param(
-            {"pressure": 1e9}, "where the search ends; give a pressure below that", marks=pytest.mark.nightly
-        ),
+        ({"pressure": 1e9}, "where the search ends; give a pressure below that"),
     ],
 )
 def test_what_is_wrong_is_refused(options, words):

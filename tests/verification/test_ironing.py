@@ -75,7 +75,6 @@ def test_a_punch_slides_with_little_oscillation(friction):
     assert oscillation(friction=friction) < 0.02
 
 
-@pytest.mark.nightly
 def test_denser_points_reduce_the_oscillation():
     assert oscillation(spacing=1 / 3) < 0.6 * oscillation()
 
