@@ -12,6 +12,7 @@ from skmpm.arrays import Array, Bools
 from skmpm.linear.solver import one_thread
 from skmpm.packing import discs, shapes
 from skmpm.points import Points
+from skmpm.values import SceneError, not_negative
 
 _GROWTH = 0.04  # largest and smallest growth per step; where the smallest is too large the discs are jammed
 _LEAST_GROWTH = 2e-4
@@ -148,19 +149,17 @@ def packing(
     if along.dtype != np.bool_ or along.shape not in ((), (2,)):
         raise PackingError(f"periodic = {periodic!r}: give True, False, or two of them, for width and height")
     along = np.broadcast_to(along, 2)
+    given = {"width": width, "solid_fraction": solid_fraction, "friction": friction}
+    width, solid_fraction, friction = (_number(*each) for each in given.items())
     if isinstance(shapes, Sequence) and len(shapes) and all(isinstance(shape, Points) for shape in shapes):
         return _of_shapes(shapes, width, solid_fraction, friction, along, seed)  # type: ignore[arg-type]
     R = np.array(_numbers(shapes), dtype=float)
-    _check(R, width, solid_fraction, friction)
+    _check(R, width, solid_fraction)
     unit = R.mean()
     scaled = np.round(R / unit, 10)  # so that rounding in other units of length cannot change the packing
     height = float(np.pi * (R**2).sum() / (width * solid_fraction))
     box = discs.Box(np.round([width / unit, height / unit], 10), along)
-    if box.size.min() <= 2.0 * scaled.max():
-        raise PackingError(
-            f"the box is {width:g} x {height:g} m but the largest disc has a radius of {R.max():g} m; "
-            "change the width, lower solid_fraction or use more discs"
-        )
+    _check_room(box, unit, 2.0 * scaled.max(), "disc")
     _check_reachable(scaled, box, solid_fraction)
     rng = np.random.default_rng(seed)
 
@@ -169,7 +168,7 @@ def packing(
 
     attempts = 1 + _ATTEMPTED_DISCS // R.size
     x = _attempt(lambda: discs.scatter(scaled, box, rng), move, attempts, solid_fraction, rng, box, "discs")
-    return Packing(x * unit, R, float(width), height, np.zeros(R.size))
+    return Packing(x * unit, R, width, height, np.zeros(R.size))
 
 
 def _of_shapes(
@@ -178,7 +177,7 @@ def _of_shapes(
     """A packing of shapes: positions and angles (3, N)."""
     area = np.array([cloud.volume.sum() for cloud in clouds])
     R = np.sqrt(area / np.pi)
-    _check(R, width, solid_fraction, friction, most=1.0)
+    _check(R, width, solid_fraction, most=1.0)
     unit = R.mean()
     try:
         forms = shapes.shapes_of(clouds, unit)
@@ -186,6 +185,7 @@ def _of_shapes(
         raise PackingError(f"shapes: {error}") from error
     height = float(area.sum() / (width * solid_fraction))
     rng, box = np.random.default_rng(seed), discs.Box(np.round([width / unit, height / unit], 10), periodic)
+    _check_room(box, unit, 2.0 * forms.inside.max(), "shape")
     if box.size[periodic].min(initial=np.inf) < 4.0 * forms.reach.max():
         raise PackingError(
             f"the periodic box is {width:g} x {height:g} m, less than twice the largest shape, which is up to"
@@ -200,7 +200,7 @@ def _of_shapes(
     x = _attempt(start, separate, attempts, solid_fraction, rng, box, "shapes")
     centres = x[:2] * unit
     points = tuple(cloud.placed(c, angle) for cloud, c, angle in zip(clouds, centres.T, x[2].tolist(), strict=True))
-    return Packing(centres, R, float(width), height, x[2], points)
+    return Packing(centres, R, width, height, x[2], points)
 
 
 Separate: TypeAlias = Callable[..., Array | None]  # x, size=, tolerance= -> x without overlap, or None
@@ -293,16 +293,30 @@ def _numbers(shapes: object) -> ArrayLike:
         raise PackingError(f"shapes: expected radii in metres, or a list of skmpm.Points, got {what}") from None
 
 
-def _check(R: Array, width: float, solid_fraction: float, friction: float, most: float = _HEXAGONAL) -> None:
+def _check_room(box: discs.Box, unit: float, thick: float, kind: str) -> None:
+    width, height = (unit * box.size).tolist()
+    if thick >= box.size.min():
+        raise PackingError(
+            f"the box is {width:.4g} x {height:.4g} m but the largest {kind} is {unit * thick:.4g} m thick; change"
+            f" the width, lower solid_fraction or use more {kind}s"
+        )
+
+
+def _number(name: str, value: object) -> float:
+    try:
+        return not_negative(name, value, "a finite number")
+    except SceneError as error:
+        raise PackingError(str(error)) from None
+
+
+def _check(R: Array, width: float, solid_fraction: float, most: float = _HEXAGONAL) -> None:
     if R.ndim != 1 or not R.size or not np.isfinite(R).all() or R.min() <= 0.0:
         bad = R[~(R > 0.0) | np.isinf(R)]
         found = f"radius {bad[0]:g} m" if bad.size else f"an array of shape {R.shape}"
         raise PackingError(f"radii: {found}; give an array (N,) of finite numbers above zero")
     if not 0.0 < solid_fraction < most:
         raise PackingError(
-            f"solid_fraction {solid_fraction:g} must lie between 0 and {most:.4g}; random discs jam near 0.84"
+            f"solid_fraction {solid_fraction:g} must lie between 0 and {most:.4g}; discs jam near 0.84"
         )
-    if not (np.isfinite(width) and width > 2.0 * R.max()):
+    if not width > 2.0 * R.max():
         raise PackingError(f"width {width:g} m must exceed the largest diameter, {2.0 * R.max():g} m")
-    if not (np.isfinite(friction) and friction >= 0.0):
-        raise PackingError(f"friction {friction:g} must be a finite number >= 0")

@@ -37,6 +37,7 @@ class Shapes:
     skin: Array  # (N,) by which the curve through the vertices leaves the polygon at most
     area: Array  # (N,)
     inertia: Array  # (N,) second moment of the area about the centroid
+    inside: Array  # (N,) smallest distance of an edge from the centroid
     reach: Array  # (N,) largest distance of a vertex from the centroid
     radius: Array  # (N,) of the disc of that area
 
@@ -57,7 +58,7 @@ def shapes_of(clouds: Sequence[Points], unit: float) -> Shapes:
     ValueError
         if one has no outline, or is not convex
     """
-    loops, centres = [], [np.average(cloud.x, axis=1, weights=cloud.volume) for cloud in clouds]
+    loops, inside, centres = [], [], [np.average(cloud.x, axis=1, weights=cloud.volume) for cloud in clouds]
     for i, (cloud, centre) in enumerate(zip(clouds, centres, strict=True)):
         if not cloud.outline:
             raise ValueError(f"shape {i} has no outline; give the points of a disc, ellipse, polygon, ... or a mesh")
@@ -72,6 +73,7 @@ def shapes_of(clouds: Sequence[Points], unit: float) -> Shapes:
             where = cloud.x[:, outer[0][(int(turn.argmin()) + 1) % loop.shape[1]]]
             raise ValueError(f"shape {i} is not convex at {where}; packing takes convex shapes only")
         loops.append(loop)
+        inside.append(((loop[0] * edge[1] - loop[1] * edge[0]) / np.hypot(*edge)).min())
     counts = np.array([loop.shape[1] for loop in loops])
     vertices, offsets = np.concatenate(loops, axis=1), np.append(0, np.cumsum(counts)).astype(np.int64)
     boundary = outlines([(np.arange(n),) for n in counts], offsets)
@@ -80,7 +82,8 @@ def shapes_of(clouds: Sequence[Points], unit: float) -> Shapes:
     inertia = [(a**2).sum(axis=0) @ cloud.volume / unit**2 for a, cloud in zip(arm, clouds, strict=True)]
     reach = np.maximum.reduceat(np.hypot(*vertices), offsets[:-1])
     skin = chord_sagitta(boundary, vertices, len(clouds))
-    return Shapes(vertices, offsets, skin, area, np.round(inertia, 10), reach, np.sqrt(area / np.pi))
+    of_area = np.round(inertia, 10), np.array(inside), reach, np.sqrt(area / np.pi)
+    return Shapes(vertices, offsets, skin, area, *of_area)
 
 
 def separate(shapes: Shapes, x: Array, size: float, box: Box, friction: float, tolerance: float) -> Array | None:

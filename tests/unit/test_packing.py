@@ -210,11 +210,13 @@ def test_friction_jams_earlier():
         ({"shapes": []}, r"shape \(0,\)"),
         ({"shapes": [[1e-3]]}, r"shape \(1, 1\)"),
         ({"solid_fraction": 0.95}, r"solid_fraction 0\.95 must lie"),
-        ({"solid_fraction": np.nan}, "solid_fraction nan must lie"),
+        ({"solid_fraction": np.nan}, "solid_fraction = nan; give a finite number of zero or more"),
         ({"solid_fraction": 0.0}, "solid_fraction 0 must lie"),
         ({"width": 2e-3}, r"width 0\.002 m must exceed"),
         ({"width": 1.0}, "largest disc"),
-        ({"friction": -0.1}, r"friction -0\.1"),
+        ({"friction": -0.1}, r"friction = -0\.1; give a finite number of zero or more"),
+        ({"width": "8e-3"}, "width = '8e-3' is not a number"),
+        ({"solid_fraction": None}, "solid_fraction = None; give"),
     ],
 )
 def test_says_what_is_wrong(change, message):

@@ -149,6 +149,15 @@ def test_says_what_is_wrong(shapes, message):
         packing(shapes, 10.0, solid_fraction=0.3)
 
 
+def test_shapes_thicker_than_their_box_are_refused_at_once():
+    """They were grown for half a minute, and another seed was recommended."""
+    rods = [capsule((0.0, 0.0), 4e-3, 0.5e-3, spacing=0.2e-3)] * 4
+    with pytest.raises(
+        PackingError, match=r"the box is 1 x .* m but the largest shape is 0\.001 m thick; change the"
+    ):
+        packing(rods, width=1.0, solid_fraction=0.5)
+
+
 def test_discs_never_enter_the_code_of_shapes(monkeypatch):
     monkeypatch.setattr(sys.modules["skmpm.packing.shapes"], "separate", None)
     assert packing(np.full(10, R), 8 * R, solid_fraction=0.5).points == ()
