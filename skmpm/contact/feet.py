@@ -54,7 +54,7 @@ def contacts(
     most = max(depth, reach)
     for group in range(first, last):
         chosen[0, group] = -1
-        within = np.inf if kept[group] else most
+        within = 1e300 if kept[group] else most
         i, t = nearest_of_group(ends[group], ends[group + 1], point, segment, x, loops.following, within)
         if i < 0:
             continue
@@ -67,7 +67,7 @@ def contacts(
         i_before, _, x_facing, y_facing, gap_before, off_before = foot_of(at, shift[group], i, t, start_c, loops)
         if facing_c is not start_c:
             _, _, x_facing, y_facing, _, _ = foot_of(at, shift[group], i, t, facing_c, loops)
-        deepest = np.inf if pressed[group] else edge_depth
+        deepest = 1e300 if pressed[group] else edge_depth
         if not _faces(at, (x_facing, y_facing), facing_x, loops, deepest):
             continue
         chosen[0, group], chosen[1, group], parameter[group] = i, i_before, t

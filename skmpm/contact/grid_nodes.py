@@ -194,8 +194,9 @@ def _constraints(scene: Scene, nodes: _Nodes, a: Ints, b: Ints, grid: BodyGrids)
 
 
 def _key(scene: Scene, nodes: _Nodes, a: Ints, b: Ints) -> Ints:
-    """(node, body, body) as one integer, unique for nodes of a window of 2^20 by 2^20 cells."""
+    """(node, body, body) as one integer, unique for nodes of as wide a window of cells as 62 bits allow."""
     members = len(scene.bodies) + len(scene.walls)
     number = np.where(nodes.body < 0, len(scene.bodies) - 1 - nodes.body, nodes.body)
-    position = (nodes.index[0, a] % 2**20) * 2**20 + nodes.index[1, a] % 2**20
+    window = 2 ** (31 - members.bit_length())
+    position = (nodes.index[0, a] % window) * window + nodes.index[1, a] % window
     return np.asarray((position * members + number[a]) * members + number[b])

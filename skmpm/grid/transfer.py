@@ -63,4 +63,8 @@ def to_points(grid: BodyGrids, nodal: Array) -> tuple[Array, Array]:
     Jiang et al., ACM ToG 34 (2015); for Q1 shape functions their B D^-1 is the gradient of the nodal velocity field.
     So angular momentum is conserved.
     """
+    if nodal.shape != (2 * grid.nodes,):
+        raise ValueError(
+            f"to_points: nodal has the shape {nodal.shape}; give velocities ({2 * grid.nodes},) of nodes"
+        )
     return grid.at_points(nodal), grid.gradient_at_points(nodal)

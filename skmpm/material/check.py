@@ -43,7 +43,7 @@ def check_update(name: str, material: Any, F: Array, state: Array, turn: Array) 
     after = np.asarray(material.update(F, state))
     if after.shape != state.shape or not np.isfinite(after).all():
         raise ValueError(f"{name}: update(F, state) is not finite numbers of shape {state.shape}")
-    size, offs = float(np.abs(after).max()), []
+    size, offs = max(float(np.abs(after).max()), 1e-300), []
     for what, again in (
         ("update(F, update(F, state))", np.asarray(material.update(F, after))),
         ("update(Q F, state)", np.asarray(material.update(product(turn, F), state))),

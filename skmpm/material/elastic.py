@@ -103,6 +103,7 @@ class NeoHookean(Isotropic):
 
         tr F'F - 2 - 2 ln J = (F11 - F22)^2 + (F12 + F21)^2 + 2 (J - 1 - ln J): all of it small where strains are.
         """
+        F = _in_order(F)
         W = np.empty(F.shape[-1], dtype=F.dtype)
         if _energy(*self.lame, F.reshape(4, -1), W):
             W[~(determinant(F) > 0.0)] = np.inf
@@ -110,6 +111,7 @@ class NeoHookean(Isotropic):
 
     def stress(self, F: Array) -> Array:
         """First Piola-Kirchhoff stress, (2, 2, n) [Pa]."""
+        F = _in_order(F)
         P = np.empty_like(F)
         _stress(*self.lame, F.reshape(4, -1), P.reshape(4, -1))
         return P
@@ -119,6 +121,7 @@ class NeoHookean(Isotropic):
 
         It is mu I + g'' c c' + g' d2J/dF2 with c = dJ/dF and g' = (lambda ln J - mu) / J.
         """
+        F = _in_order(F)
         C = np.empty((4, 4, F.shape[-1]), dtype=F.dtype)
         _tangent(*self.lame, F.reshape(4, -1), C)
         return C.reshape(2, 2, 2, 2, -1)
@@ -127,6 +130,11 @@ class NeoHookean(Isotropic):
         """Out-of-plane Cauchy stress lambda ln J / J, (n,) [Pa]."""
         J = determinant(F)
         return np.asarray(self.lame[0] * np.log(J) / J)
+
+
+def _in_order(F: Array) -> Array:
+    """F as loops take it: in C order, integers as floats."""
+    return np.ascontiguousarray(F, dtype=np.result_type(F, np.float64))
 
 
 @compiled_in_order

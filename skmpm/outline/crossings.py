@@ -68,6 +68,8 @@ def depth(outlines: Outlines, x: Array, body: int) -> Array:
     (k,) [m], of the points that lie inside
     """
     own = np.flatnonzero(outlines.body == body)
+    if not own.size:
+        return np.zeros(0)
     along = x[:, outlines.next[own]] - x[:, own]
     length = np.maximum(np.hypot(*along), 1e-300)
     both = along / length + (along / length)[:, outlines.previous[own] - own[0]]

@@ -198,15 +198,12 @@ def _weights(first: Array, last: Array, segment: Ints, s: Array, derivative: int
 
 @compiled
 def _hermite(s: float, derivative: int) -> tuple[float, float, float, float]:
-    """Cubic Hermite functions of start, tangent at the start, end, tangent at the end, or their derivatives."""
+    """Cubic Hermite functions of start, tangent at the start, end, tangent at the end, or their first derivatives."""
     if derivative == 0:
         end = s * s * (3.0 - 2.0 * s)
         return 1.0 - end, s * (1.0 - s) ** 2, end, s * s * (s - 1.0)
-    if derivative == 1:
-        end = 6.0 * s * (1.0 - s)
-        return -end, (1.0 - s) * (1.0 - 3.0 * s), end, s * (3.0 * s - 2.0)
-    end = 6.0 - 12.0 * s
-    return -end, 6.0 * s - 4.0, end, 6.0 * s - 2.0
+    end = 6.0 * s * (1.0 - s)
+    return -end, (1.0 - s) * (1.0 - 3.0 * s), end, s * (3.0 * s - 2.0)
 
 
 @dataclass(frozen=True)

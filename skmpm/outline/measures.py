@@ -33,6 +33,7 @@ def area(outlines: Outlines, x: Array, bodies: int) -> Array:
     >>> skmpm.outline.area(outlines, x, bodies=1).round(2).tolist()
     [3.14]
     """
+    outlines.check(x, bodies)
     areas = np.zeros(bodies)
     _areas(x, outlines.next, outlines.body, np.searchsorted(outlines.body, np.arange(bodies)), areas)
     return areas
@@ -107,6 +108,7 @@ def perimeter(outlines: Outlines, x: Array, bodies: int) -> Array:
     >>> skmpm.outline.perimeter(outlines, x, bodies=1).round(2).tolist()
     [6.28]
     """
+    outlines.check(x, bodies)
     length = np.linalg.norm(x[:, outlines.next] - x, axis=0)
     return np.asarray(np.bincount(outlines.body, length, bodies), dtype=np.float64)
 
@@ -240,6 +242,7 @@ def _extent(outlines: Outlines, x: Array, axis: Array) -> Array:
 
 def _moments(outlines: Outlines, x: Array, bodies: int) -> tuple[Array, Array, Array]:
     """Area, centroid, central second moments by Green's theorem; a local origin avoids cancellation."""
+    outlines.check(x, bodies)
     body = outlines.body
 
     def total(values: Array) -> Array:

@@ -236,7 +236,7 @@ def _depth(
 ) -> float:
     """Depth of y, the surface of another body with this normal there, below the segments first:last of one body."""
     inner_x, inner_y = y[0] - step * normal[0], y[1] - step * normal[1]
-    winding, nearest, segment, at = 0, np.inf, -1, 0.0
+    winding, nearest, segment, at = 0, 1e300, -1, 0.0
     for j in range(first, last):
         i = following[j]
         start_x, start_y = x[0, j] - inner_x, x[1, j] - inner_y

@@ -41,6 +41,7 @@ def overlap(outlines: Outlines, x: Array, bodies: int) -> tuple[Ints, Array]:
 
 def boxes(outlines: Outlines, x: Array, bodies: int) -> tuple[Array, Array]:
     """Lower left and upper right corners (2, bodies) [m] of bounding boxes; inf and -inf without outline."""
+    outlines.check(x, bodies)
     low, high = np.full((2, bodies), np.inf), np.full((2, bodies), -np.inf)
     _bound(x, outlines.body, low, high)
     return low, high

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skmpm.arrays import Ints
+from skmpm.arrays import Array, Ints
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +43,15 @@ class Outlines:
     def size(self) -> int:
         """Number of boundary points."""
         return int(self.point.size)
+
+    def check(self, x: Array, bodies: int) -> None:
+        """Raise ValueError unless x (2, m) are positions of the boundary points, of no more bodies than `bodies`."""
+        if x.shape != (2, self.size):
+            raise ValueError(
+                f"outlines: x has the shape {x.shape}; give positions (2, {self.size}) of boundary points"
+            )
+        if self.size and not self.body[-1] < bodies:
+            raise ValueError(f"outlines: bodies = {bodies}; they are those of {int(self.body[-1]) + 1} bodies")
 
 
 def outlines(loops: Sequence[Sequence[Ints]], offsets: ArrayLike) -> Outlines:

@@ -36,7 +36,7 @@ def _by_material(known: Callable[..., Array], material: Material, state: State, 
     stress = state.stress[:, :, own]
     if has_memory(material):
         return known(stress, state.internal[: initial_state(material).shape[0], own])
-    F = np.ascontiguousarray(state.F[:, :, own])
+    F = state.F[:, :, own]
     in_plane = np.einsum("ijn,ijn->n", material.stress(F), F) / determinant(F)
     more = 0.5 * (stress[0, 0] + stress[1, 1] - in_plane)
     averaged = np.abs(more) > ROUND_OFF * np.abs(stress).max(initial=0.0)

@@ -241,3 +241,16 @@ def test_a_law_whose_moduli_overflow_is_named():
         ValueError, match=r"lame raises ZeroDivisionError.*0 <= nu < 0\.5.* 0\.499, .*mean dilatation"
     ):
         check_material(NeoHookean(1.0, 0.5, 1.0))
+
+
+def with_threshold():
+    """The law with an internal variable that stays zero, as where a threshold is not reached."""
+    functions = {
+        name: lambda self, F, state, name=name: getattr(GEL, name)(F) for name in ("energy", "stress", "tangent")
+    }
+    functions["update"] = lambda self, F, state: 1.0 * state
+    return type("Threshold", (Own,), {"state0": (0.0,), **functions})()
+
+
+def test_internal_variables_that_stay_zero_pass():
+    assert "0% of the states change" in check_material(with_threshold())

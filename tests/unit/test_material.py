@@ -455,3 +455,16 @@ def test_functions_of_the_ratio_of_stretches_are_exact_at_any_order(order):
     angle = 2.0 * np.arcsinh(np.sqrt(z / 2.0))
     np.testing.assert_allclose(t1, order * np.sinh(order * angle) / np.sinh(angle), rtol=1e-12)
     np.testing.assert_allclose(z * (2.0 + z) * t2 + (1.0 + z) * t1, order**2 * (1.0 + t0), rtol=1e-12)
+
+
+def test_any_memory_layout_and_whole_numbers_give_the_same():
+    """They gave what was in memory before, and numbers cut to whole ones."""
+    F = np.eye(2)[:, :, None] + 0.1 * np.random.default_rng(0).uniform(-1.0, 1.0, (2, 2, 5))
+    transposed = np.ascontiguousarray(F.swapaxes(0, 1)).swapaxes(0, 1)
+    law = NeoHookean(1e6, 0.3, 1000.0)
+    for other in (transposed, np.asfortranarray(F), np.repeat(F, 2, axis=2)[:, :, ::2]):
+        for of in (law.energy, law.stress, law.tangent):
+            np.testing.assert_array_equal(of(other), of(F))
+    whole = np.array([[2, 0], [0, 1]])[:, :, None]
+    for of in (law.energy, law.stress, law.tangent):
+        np.testing.assert_array_equal(of(whole), of(whole.astype(float)))

@@ -101,6 +101,17 @@ def test_nothing_is_measured_where_there_is_no_outline():
     assert [a.size for a in candidates(o, x, 1.0)] == [0, 0]
     assert [a.shape for a in outline.overlap(o, x, n)] == [(2, 0), (0,)]
     assert not outline.inside(o, x, 0, np.zeros((2, 3))).any()
+    assert outline.depth(o, x, 0).size == 0
+
+
+def test_wrong_numbers_of_bodies_and_points_are_refused():
+    """Compiled loops would read and write beyond the arrays."""
+    o, x, n = build(*([SQUARE + 3 * k] for k in range(5)))
+    for measure in (outline.area, outline.perimeter, outline.centroid, outline.dimensions, outline.overlap):
+        with pytest.raises(ValueError, match="bodies = 4; they are those of 5 bodies"):
+            measure(o, x, n - 1)
+    with pytest.raises(ValueError, match=r"x has the shape \(2, 19\); give positions \(2, 20\)"):
+        outline.area(o, x[:, :-1], n)
 
 
 def test_a_body_without_outline_between_others():

@@ -1,6 +1,7 @@
 """Velocity transfer: rigid motions, linear and angular momentum, and the form that defines it."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -205,3 +206,9 @@ def test_a_body_of_one_point_keeps_its_velocity():
     new, C = to_points(grid, nodal)
     assert np.abs(new - v).max() < 1e-14 and np.abs(C).max() < 1e-12
     assert new.shape == (2, 1) and C.shape == (2, 2, 1)
+
+
+def test_velocities_of_other_nodes_are_refused():
+    _, _, _, _, assembly = random_assembly(0)
+    with pytest.raises(ValueError, match=r"to_points: nodal has the shape \(4,\); give velocities \(\d+,\) of nodes"):
+        to_points(assembly.grid, np.ones(4))
