@@ -12,7 +12,7 @@ from skmpm.representation import quantity
 from skmpm.scene import Scene, State
 
 EVERY = 0.2  # [s] between two drawings
-SLOW = 0.01  # kinetic over elastic energy below which the motion counts as quasi-static
+SLOW = 1e-3  # kinetic over elastic energy below which the motion counts as quasi-static
 
 
 class Bar:

@@ -18,7 +18,7 @@ from skmpm.arrays import ROUND_OFF
 from skmpm.io import save, writable
 from skmpm.preflight import preflight
 from skmpm.preflight.explain import about
-from skmpm.progress import Progress
+from skmpm.progress import SLOW, Progress
 from skmpm.scene import (
     Scene,
     SceneError,
@@ -40,7 +40,6 @@ from skmpm.stepping.step_length import Pace, pace_of
 from skmpm.stepping.watches import first_warnings, watches_of
 
 CHECKPOINT_EVERY = 30.0  # [s] of wall time
-SLOW = 1e-3  # kinetic over elastic energy, below which a packing counts as quasi-static
 
 _log = logging.getLogger("skmpm")
 
@@ -133,6 +132,7 @@ def simulate(
     if waves not in (None, True, False) or (waves and not scheme.inertia):
         raise ValueError(f"simulate: waves = {waves!r}; give None, True (with inertia only) or False")
     check_time("simulate: until", until, 0.0, "the time to stop at")
+    path = None if checkpoint is None else writable(checkpoint)
     if start is not None:
         check_fits(scene, start, "start")
         if np.isinf(scheme.anchor):  # else the body grids may have been built again where the bodies were
@@ -151,7 +151,7 @@ def simulate(
             _log.warning("preflight: %s", each)
     began = first.step_control.began
     pace = pace_of(scene, scheme, began, until, max_dt=max_dt, waves=waves) if dt is None else None
-    return _run(scene, first, until, scheme, pace, progress, None if checkpoint is None else writable(checkpoint))
+    return _run(scene, first, until, scheme, pace, progress, path)
 
 
 def run(scene: Scene, *, until: float, start: State | None = None, **options: Any) -> State:
@@ -268,7 +268,7 @@ def exit_at_sigterm(*, wanted: bool) -> Iterator[None]:
     try:
         yield
     finally:
-        if current_thread() is main_thread():
+        if current_thread() is main_thread() and signal.getsignal(signal.SIGTERM) is _exit:
             signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 

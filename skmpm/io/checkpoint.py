@@ -241,7 +241,7 @@ def _header(path: Path, members: dict[str, AnyArray]) -> dict[str, Any]:
             path,
             f"its schema is {about.get('schema')}, this version reads {SCHEMA}; it was written by"
             f" skmpm {about.get('skmpm')}",
-            "load it with that version or a later one",
+            "load it with that version" + (" or a later one" if about.get("schema", 0) > SCHEMA else ""),
         )
     return about
 

@@ -117,9 +117,10 @@ class Recorder:
             raise ValueError(
                 f"{self._path}: the state has {state.x.shape[1]} points, the scene {n}; record its states"
             )
+        blocks = blocks_of(self._scene, state)
         self._go_to(state.t)
         k = self._steps
-        for name, data in blocks_of(self._scene, state).items():
+        for name, data in blocks.items():
             if name not in self._blocks:
                 self._blocks[name] = Block.create(self._vtk, name, data, constant=name in CONSTANT)
                 self._vtk["Assembly"][name] = optional("h5py", "record", "io").SoftLink(f"/VTKHDF/{name}")

@@ -117,7 +117,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     path = folder / MANIFEST
     try:
         return dict(json.loads(path.read_text())) if path.exists() else {}
-    except ValueError as error:
+    except (ValueError, TypeError) as error:
         raise SweepError(
             f"{path} is no manifest of a sweep ({error}); delete {folder}, or give another out"
         ) from error

@@ -111,8 +111,11 @@ def _tasks(
     for given, member in named:
         parameters = directory.plain(member)
         name = directory.name_of(parameters, given)
-        if name.casefold() in tasks:  # which some file systems do not tell apart
-            raise SweepError(f"two members have the directory {name}: their parameters are the same; give each once")
+        if (other := tasks.get(name.casefold())) is not None:
+            why = "their parameters are the same; give each once"
+            if other.folder.name != name:
+                why = f"some file systems do not tell it from {other.folder.name}; give other names"
+            raise SweepError(f"two members have the directory {name}: {why}")
         tasks[name.casefold()] = Task(out / name, parameters, *about)
     return list(tasks.values())
 

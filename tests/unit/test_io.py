@@ -257,7 +257,10 @@ def test_newer_and_foreign_files_say_so(tmp_path, tiny):
     newer = checkpoint.SCHEMA + 1
     forged(path, schema=newer, skmpm="9.1")
     schemas = rf"schema is {newer}, this version reads {newer - 1}; "
-    with pytest.raises(CheckpointError, match=schemas + r".* skmpm 9\.1; load it with"):
+    with pytest.raises(CheckpointError, match=schemas + r".* skmpm 9\.1; load it with .* or a later one"):
+        load(path)
+    forged(path, schema=newer - 2, skmpm="0.1")
+    with pytest.raises(CheckpointError, match=r"skmpm 0\.1; load it with that version$"):
         load(path)
     forged(path, schema=checkpoint.SCHEMA, format="other")
     with pytest.raises(CheckpointError, match=r"format is 'other'.*written by skmpm\.save"):
@@ -650,6 +653,15 @@ def test_append_replaces_what_a_restart_computes_again(tmp_path, states):
     assert len(as_vtk_sees(path)) == 4
     for frame, state in zip(steps, states[:2], strict=False):
         np.testing.assert_allclose(frame.contacts["normal_force"], network(scene, state).force[0], rtol=1e-6)
+
+
+def test_a_state_that_is_refused_leaves_the_file_as_it_is(tmp_path, states):
+    path, scene = tmp_path / "s", discs()
+    write(path, scene, states)
+    other = replace(scene, walls=[*scene.walls, Wall((0.0, -1.0), (0.0, 1.0))])
+    with pytest.raises(ValueError, match="the state has"):
+        write(path, other, [states[2]], append=True)
+    assert read(path).t.tolist() == [state.t for state in states]
 
 
 def test_an_unfinished_step_does_not_count(tmp_path, states, monkeypatch):

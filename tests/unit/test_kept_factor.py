@@ -99,3 +99,13 @@ def test_other_steps_do_not_depend_on_what_is_in_memory(scheme, dt):
         first, again = (step(scene, state, dt, scheme=scheme) for _ in range(2))
         assert np.array_equal(first.x, again.x)
         assert first.report.factorisations == again.report.factorisations
+
+
+def test_a_factor_of_another_step_length_leaves_the_memory():
+    """States are kept, of which each had its own."""
+    scene, before, states = squeezed(), in_memory(), []
+    state = initial(scene)
+    for k in range(6):
+        state = step(scene, state, (1.0 + 0.1 * k) * DT)
+        states.append(state)
+    assert in_memory() == before + 1

@@ -107,7 +107,7 @@ def test_the_solid_fraction_or_the_stroke_is_shown(capsys, terminal):
 
 def test_the_motion_is_quasi_static_where_kinetic_energy_is_small(capsys, terminal):
     state = initial(SCENE)
-    for kinetic, kind in ((0.9, "quasi-static"), (1.1, "dynamic")):
+    for kinetic, kind in ((0.09, "quasi-static"), (0.11, "dynamic")):
         report = replace(state.report, energy=Energy(kinetic=kinetic, elastic=100.0))
         assert f"  {kind}" in shown(capsys, SCENE, replace(state, report=report))
 

@@ -628,6 +628,10 @@ def test_names_of_directories():
 def test_members_that_are_refused(tmp_path):
     with pytest.raises(skmpm.SweepError, match=r"two members have the directory speed=1.0"):
         skmpm.sweep(ensembles.squeezed, [{"speed": 1.0}, {"speed": np.float64(1.0)}], out=tmp_path)
+    with pytest.raises(
+        skmpm.SweepError, match="two members have the directory a: some file systems do not tell it from A"
+    ):
+        skmpm.sweep(ensembles.squeezed, {"A": {"speed": 1.0}, "a": {"speed": 2.0}}, out=tmp_path)
     with pytest.raises(skmpm.SweepError, match=r"a parameter is named 't', as a column of every table is"):
         skmpm.sweep(ensembles.squeezed, [{"t": 1.0}], out=tmp_path)
     with pytest.raises(skmpm.SweepError, match="the parameter 'gel' is a NeoHookean; parameters are numbers"):
