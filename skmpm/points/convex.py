@@ -93,7 +93,7 @@ def polygon(
     ----------
     centre : (2,) position of the centre [m]
     radius : radius of the circle through the corners before rounding [m]
-    sides : number of sides, three or more; the corners of ten and more, which turn by less than 50 degrees, are
+    sides : number of sides, three or more; the corners of eight and more, which turn by less than 50 degrees, are
         smooth in contact, and with arcs shorter than a spacing the polygon rolls like a round body
     rounding : radius of the arcs that replace the corners [m]; contact is smooth if it is a spacing or more
     spacing : approximate distance between neighbouring points [m]

@@ -144,7 +144,7 @@ class Wall:
 class Support:
     """A prescribed velocity or displacement of the points of deformable bodies where `where(x)` is true at t = 0.
 
-    It has no effect on rigid bodies with a `motion`, and is refused at points of free rigid bodies.
+    It has no effect on rigid bodies whose motion is prescribed whole, and is refused at points of others.
 
     Parameters
     ----------
@@ -235,7 +235,7 @@ class Pressure:
     ----------
     where : function of positions (2, n) [m] -> (n,) bool
     value : pressure [Pa], or a function of time t -> a number, taken at t + theta dt of each step from t on; negative
-        for suction
+        for suction, but not with `penetrates`
     penetrates : whether it follows contact
 
     Examples

@@ -41,7 +41,7 @@ class Periodic:
         the contact problem, in which the stress is exact at the end of every step. It is symmetric: a shear stress
         stands in both places, and determines the rate [0, 1], so that the lower edge keeps its direction
     mass : mass of an edge whose motion a stress determines [kg/m], in steps of backward Euler with any theta; by
-        default that of all bodies. Without inertia it has none
+        default that of all bodies that forces move. Without inertia it has none
 
     Examples
     --------

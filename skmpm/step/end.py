@@ -32,7 +32,7 @@ from skmpm.step.terms import Configuration
 
 
 def at_supports(increment: Increment, v: Array) -> tuple[Array, Array]:
-    """The velocity v (n,) [m/s] with the prescribed values, and impulses on supports, (2 supports,)."""
+    """The velocity v (n,) [m/s] with the prescribed values, and impulses on supports (`prescribed`)."""
     supports, mass, nodes = increment.supports, increment.on_nodes(increment.mass), increment.on_nodes(v)
     if supports is None:
         return v, np.zeros(0)
@@ -106,7 +106,7 @@ class End:
 
     configuration: Configuration
     velocity: Array  # (n,) [m/s]
-    reaction: Array  # impulses on the supports (2 supports,), with those at the end (`at_supports`) [kg m/s per m]
+    reaction: Array  # impulses on the supports (q,), with those at the end (`at_supports`) [kg m/s per m]
     impulses: Array  # of contacts, rows of H, with those of impacts at the end (`after_impact`) [N s/m]
     motions: PrescribedVelocities  # all prescribed velocities, with those that the step has found
     internal: Array | None = None  # (k, n) internal variables of the points, None if no material has memory

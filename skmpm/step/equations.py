@@ -38,7 +38,7 @@ class Increment:
     dt: float
     scheme: Scheme
     supports: Elimination | None = None
-    prescribed: Array = field(default_factory=lambda: np.zeros(0))  # velocities of the supports, (2 supports,) [m/s]
+    prescribed: Array = field(default_factory=lambda: np.zeros(0))  # of the supports, (q,) [m/s, 1/s]
     gauge: Gauge | None = None  # for bodies whose material can turn inside their shape
     metric: Array | None = None  # in place of the mass, (2 nodes,) [kg/m]: of a solve of a static step
     guess: Array | None = None  # where the iteration begins (n,) [m/s]; v0 if None
@@ -212,7 +212,7 @@ class Increment:
         return self.with_scalars(self.on_nodes(direction), np.clip(self.of_scalars(direction), -farthest, farthest))
 
     def reaction(self, gradient: Array) -> Array:
-        """Impulses on the supports, work conjugate to the prescribed velocities, (2 supports,) [kg m/s per m]."""
+        """Impulses (q,) on the supports, work conjugate to their velocities; q = 2 supports + 2 that turn."""
         if self.supports is None:
             return np.zeros(0)
         return np.asarray(self.supports.prescription.T @ -self.on_nodes(gradient) / self.scheme.theta)

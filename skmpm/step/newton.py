@@ -37,7 +37,7 @@ class Solution:
     factorisations: int
     residual: float  # of the contact law at the end of the step
     imbalance: float  # relative out-of-balance norm
-    reaction: Array  # (2 supports,) impulses on the supports [kg m/s per m]
+    reaction: Array  # (q,) impulses on the supports, q = 2 supports + 2 that turn [kg m/s per m]
     factor: Factor | None  # of the last iteration
     spin: Array | float  # (2 nodes,) velocity that w lacks for the balance of angular momentum [m/s]
     configuration: Configuration  # of w but for translations of bodies, in which stresses were evaluated

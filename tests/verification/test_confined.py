@@ -80,5 +80,5 @@ def test_the_force_on_a_seal_does_not_depend_on_the_spacing_of_its_points():
 
 
 def test_few_points_in_an_almost_incompressible_seal_are_too_soft():
-    """As `preflight` says: 11 % at R/h = 8, 7 % at R/h = 12 and points 0.66 h apart, of those half a cell apart."""
-    assert in_a_gland(0.499, 0.66)[0] / in_a_gland(0.499, 0.5)[0] == pytest.approx(0.93, abs=0.03)
+    """As `preflight` says, beside points half a cell apart; 7 % with 0.66 h."""
+    assert in_a_gland(0.499, 0.74)[0] / in_a_gland(0.499, 0.5)[0] == pytest.approx(0.84, abs=0.02)

@@ -8,7 +8,8 @@ load of a bar with deep notches is Ewing and Hill's (J. Mech. Phys. Solids 15, 1
 (Nagtegaal, Parks & Rice, CMAME 4, 1974). A disc between frictionless plates, pressed by a tenth of its radius on each
 side and released, is compared with eight-node elements of reduced integration and a return mapping by spectral
 decomposition (`fem_plastic`). Single forces depend on which nodes and points touch, by 1 %; so the work and a mean
-are compared. With two points along the side of a cell in place of three the disc is up to 1 % softer on any grid.
+are compared. With two points along the side of a cell in place of three the disc is 13, 3 and 0.4 % softer at R/h =
+4, 8 and 16.
 """
 
 import numpy as np
