@@ -16,6 +16,7 @@ from skmpm.scene import Scene, SceneError, State, StepFailed, at_rest
 from skmpm.scheme import Scheme
 from skmpm.step.algorithm import step
 from skmpm.step.initial_state import initial
+from skmpm.step.scene_forces import has_gravity
 from skmpm.values import number, positive
 
 _log = logging.getLogger("skmpm")
@@ -173,7 +174,7 @@ def jam(
 def _check_contact_alone(scene: Scene) -> None:
     """Raise SceneError if other forces than those of repulsive contact act on bodies."""
     given = {
-        "gravity": callable(scene.gravity) or bool(np.any(scene.gravity)),
+        "gravity": has_gravity(scene),
         "loads": bool(scene.loads),
         "springs": bool(scene.springs),
         "supports": bool(scene.supports),

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field, fields, replace
 from numbers import Real
 from typing import Any
 
+import numpy as np
+
 from skmpm import linear as _linear
 from skmpm.arrays import ROUND_OFF
 from skmpm.contact import ContactFormulation, acts_at_grid_nodes, point_to_curve, shared_grid
@@ -43,8 +45,8 @@ class Scheme:
         motion that contact prevents or, where forces drive walls without inertia, to the deformation
     linear : linear solver: `linear.banded`, `linear.amg`, `linear.direct` or `linear.default`, which selects one by
         size
-    max_newton : Newton iterations after which a step fails; with contact and inertia it fails earlier,
-        after twenty that came no closer to convergence
+    max_newton : Newton iterations after which a step fails; with contact it fails earlier, after
+        twenty that came no closer to convergence, but for static steps of held bodies
     threads : number of threads among which bodies are divided; None: one for each core that the process may use.
         Results do not depend on it
 
@@ -89,7 +91,7 @@ class Scheme:
                 raise ValueError(f"Scheme: {name} = {value!r}; use {remedy}")
         if self.max_newton != int(self.max_newton):
             raise ValueError(f"Scheme: max_newton = {self.max_newton!r}; use a whole number")
-        if self.threads is not None and not (isinstance(self.threads, int) and self.threads >= 1):
+        if self.threads is not None and not (isinstance(self.threads, int | np.integer) and self.threads >= 1):
             raise ValueError(f"Scheme: threads = {self.threads!r}; use a number of at least 1, or None for all cores")
         for name in ("moment_fitting", "inertia"):
             if getattr(self, name) not in (False, True):

@@ -106,7 +106,7 @@ def numbers(name: str, value: ArrayLike, remedy: str) -> Array:
 
 def components(name: str, value: object, count: int, remedy: str) -> Array:
     """Components (count,), nan where they are None; SceneError if they are no finite numbers or None."""
-    if not isinstance(value, Sequence | np.ndarray) or len(value) != count:
+    if not isinstance(value, Sequence | np.ndarray) or getattr(value, "ndim", 1) == 0 or len(value) != count:
         raise SceneError(f"{name} = {value!r}; {remedy}")
     filled = numbers(name, [0.0 if v is None else v for v in value], remedy)
     if filled.shape != (count,) or not np.isfinite(filled).all():

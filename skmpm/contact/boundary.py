@@ -94,7 +94,7 @@ def point_to_curve(
     step = _PointToCurve(scene, state, theta, motion, interpolation, kept)
     margin = 0.5 * contact_reach(scene) + 2.0 * motion.largest(dt * state.v[:, scene.outlines.point], step.start)
     close = step.near(margin)
-    if close is not None and scene.movable.any():
+    if close is not None:
         close = step.with_closest_points(close, slide=not inertia)
     if close is not None and scene.cohesive:
         close = step.with_tension(close)

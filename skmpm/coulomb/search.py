@@ -172,6 +172,8 @@ def _check(W: Matrix, q: Array, mu: Array, r0: Array, more: int) -> None:
             f"sizes disagree: W {shape}, q {q.shape}, mu {mu.shape}, r0 {r0.shape}; "
             "use (2k, 2k), (2k,), (k,), (2k,), or without friction (k, k), (k,), (k,), (k,)"
         )
+    if more and not k:
+        raise ValueError(f"{more} bilateral unknowns and no contact; solve W s + q = 0 by a linear solver")
     if k and mu.min() < 0.0:
         raise ValueError(f"friction {mu.min():g} is negative; use mu >= 0")
     if k and q.size == k and mu.max() > 0.0:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -63,12 +63,7 @@ def pairs_of(contacts: Contacts, box: Array | None) -> Pairs:
 
 def touching_pairs(contacts: Contacts, cell: float, box: Array | None) -> Ints:
     """Pairs of bodies that touch, (2, pairs), as `pairs_of` orders them; a body is no neighbour of itself."""
-    return pairs_of(among(contacts, touching(contacts, cell) & between(contacts)), box).bodies
-
-
-def among(contacts: Contacts, chosen: Bools | Ints) -> Contacts:
-    """Some of the contacts."""
-    return Contacts(**{f.name: getattr(contacts, f.name)[..., chosen] for f in fields(contacts)})
+    return pairs_of(contacts.among(touching(contacts, cell) & between(contacts)), box).bodies
 
 
 def sums(pairs: Ints, values: Array | float, bodies: int) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.arrays import Array, Ints
-from skmpm.observe.contact_network import among, between, pairs_of, touching
+from skmpm.observe.contact_network import between, pairs_of, touching
 from skmpm.observe.pair_correlation import check_bins
 from skmpm.observe.sides import contact_lengths
 from skmpm.optional import data_frame
@@ -176,7 +176,7 @@ def network(scene: Scene, state: State) -> Network:
     contacts = state.contacts
     touch, of = touching(contacts, scene.cell) & between(contacts), pairs_of(contacts, state.box).of
     own = np.flatnonzero(np.isin(of, of[touch]))
-    pairs = pairs_of(among(contacts, own), state.box)
+    pairs = pairs_of(contacts.among(own), state.box)
     bodies, of = pairs.bodies, pairs.of
 
     def total(values: Array) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 
 from skmpm import outline
 from skmpm.arrays import Array, Bools, Ints
-from skmpm.observe.contact_network import CLOSED, among, forced, pairs_of
+from skmpm.observe.contact_network import CLOSED, forced, pairs_of
 from skmpm.outline import Outlines
 from skmpm.outline.measures import half_segments
 from skmpm.scene import Contacts, Scene, State
@@ -140,7 +140,7 @@ def contact_lengths(scene: Scene, state: State) -> Array:
     contact = np.flatnonzero(~at_node)
     index = np.zeros(int(outlines.point.max(initial=-1)) + 1, dtype=np.int64)
     index[outlines.point] = np.arange(outlines.size)
-    share = _share(among(contacts, contact), state.box)
+    share = _share(contacts.among(contact), state.box)
     contact, share = contact[share > 0.0], share[share > 0.0]
     c, second = index[contacts.point[contact]], contacts.bodies[1, contact]
     enclosed = _between(c, second - second.min(initial=0), forced(contacts)[contact], outlines)

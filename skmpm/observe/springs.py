@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from skmpm.arrays import Array
-from skmpm.scene import Scene, State, stiffness_of
+from skmpm.scene import Scene, State, check_fits, stiffness_of
 
 
 def spring_forces(scene: Scene, state: State) -> Array:
@@ -31,6 +31,7 @@ def spring_forces(scene: Scene, state: State) -> Array:
     >>> round(float(skmpm.spring_forces(scene, state)[0, 1]), 4)
     0.0308
     """
+    check_fits(scene, state, "spring_forces")
     forces = [_force(scene, i, state.x, state.t) for i in range(len(scene.springs))]
     return np.array(forces).reshape(-1, 2)
 

@@ -16,6 +16,7 @@ from skmpm.outline.tips import tip_angles
 from skmpm.outline.widths import thickness
 from skmpm.points.cloud import Points, check_crossings, encloses, signed_area
 from skmpm.points.fill import FINE, FINE_IN_SPACING, Curve, consecutive, filled, rounded
+from skmpm.points.shapes import check_number
 from skmpm.values import LENGTH, not_negative, positive
 
 # Spacings to either side of a vertex over which its turn is taken, and from corner to corner: the steps of a contour
@@ -81,6 +82,7 @@ def from_outline(
     h = positive("spacing", spacing, LENGTH)
     r, window = not_negative("rounding", rounding, LENGTH), not_negative("smoothing", smoothing, LENGTH)
     loops = _loops(vertices, h)
+    check_number(abs(sum(map(signed_area, loops))), h)
     if window > 0.0:
         loops = _smoothed(loops, window, h)
     centre = 0.5 * (loops[0].min(axis=1, keepdims=True) + loops[0].max(axis=1, keepdims=True))

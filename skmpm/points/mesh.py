@@ -85,8 +85,8 @@ def from_mesh(mesh: meshio.Mesh | skfem.Mesh, *, order: int = 2) -> Points:
     >>> round(float(points.volume.sum()), 3)
     1.0
     """
-    if not 0 <= order <= HIGHEST:
-        raise ValueError(f"order is {order}; give a degree from 0 to {HIGHEST}")
+    if order not in range(HIGHEST + 1):
+        raise ValueError(f"order is {order}; give a whole degree from 0 to {HIGHEST}")
     mesh = _first_order(mesh)
     nodes, blocks = _read(mesh)
     names, groups = cell_groups(mesh, tuple(CORNERS))

@@ -23,6 +23,7 @@ from skmpm.scene import TOUCHING, functions_of_time
 from skmpm.step.driven import driven_by_force, prescribed_speeds
 from skmpm.step.initial_state import initial_motion
 from skmpm.step.regrid import torn_bodies
+from skmpm.step.scene_forces import has_gravity
 from skmpm.stepping.functions_of_time import FunctionsOfTime
 from skmpm.stepping.loading import gravity_of
 
@@ -298,7 +299,7 @@ def tension(m: SceneMetrics) -> Reading | None:
 def lasting_contact(m: SceneMetrics) -> Reading | None:
     """The scheme, if it is not backward Euler where more than two things touch, or something presses them."""
     scene = m.scene
-    pressed = callable(scene.gravity) or np.any(scene.gravity) or scene.loads or scene.springs
+    pressed = has_gravity(scene) or scene.loads or scene.springs
     lasts = m.touches and (pressed or m.points.size + len(scene.walls) > 2)
     return choice(m) if lasts and m.scheme.theta < 1.0 else None
 

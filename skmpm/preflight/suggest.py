@@ -20,6 +20,7 @@ from skmpm.representation import line, quantity
 from skmpm.scene import Body, Scene, check_scene
 from skmpm.scheme import Scheme
 from skmpm.step.algorithm import SHORTEST, check_time
+from skmpm.step.initial_state import check_scheme
 from skmpm.stepping.functions_of_time import TIMES, FunctionsOfTime
 from skmpm.stepping.loading import Loading, loading_of, several, smallest_radii
 from skmpm.stepping.step_length import MAX_APPROACH, STROKE
@@ -145,7 +146,7 @@ def suggest(
     than the radius of a disc of their area, as lips and rings, have cells enough for the error of their deflection.
     Interfaces of materials cost at most the error where they lie inside cells; where they lie on grid lines of the
     scene's own cell, the cell is a fraction of it. Points are at most half a cell apart for Poisson's ratios above
-    0.49. In pressing, convex arcs of outlines, as the tips of ellipses and lips, have cells enough for discs of their
+    0.48. In pressing, convex arcs of outlines, as the tips of ellipses and lips, have cells enough for discs of their
     radii, whether others touch them or not. Arcs of less than a quarter of R count as corners, where cells do not
     resolve the contact. Arcs are found where the given outline turns at three successive points or more.
 
@@ -160,6 +161,7 @@ def suggest(
     'pour'
     """
     check_scene("suggest", scene)
+    check_scheme("suggest", scheme)
     loading = loading_of(scene, _times(scene, until), inertia=scheme.inertia)
     disc = disc_radii(scene)[scene.deformable]
     slender = scene.thickness[scene.deformable] < disc  # with a part that bends: strips, lips, rings

@@ -17,7 +17,7 @@ from skmpm.scene import Scene, check_scene, check_walls_at_start
 from skmpm.scheme import Scheme
 from skmpm.step.algorithm import SHORTEST, check_time
 from skmpm.step.driven_walls import check_driven
-from skmpm.step.initial_state import check_cohesion
+from skmpm.step.initial_state import check_cohesion, check_scheme
 from skmpm.stepping.step_length import Pace, pace_of
 
 
@@ -189,6 +189,7 @@ def preflight(
     ['dt c/h']
     """
     check_scene("preflight", scene)
+    check_scheme("preflight", scheme)
     if dt is not None:
         check_time("preflight: dt", dt, SHORTEST, "None for chosen steps, or a time step greater than zero")
     if until is not None:

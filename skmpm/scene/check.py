@@ -102,7 +102,10 @@ def _check_material(name: str, material: object) -> None:
         positive(f"{name}: Young's modulus E", material.E, "a modulus in Pa")
         nu = number(f"{name}: Poisson's ratio nu", material.nu, "give one between -1 and 0.5")
         if not -1.0 < nu < 0.5:
-            raise SceneError(f"{name}: Poisson's ratio nu = {nu}; it lies between -1 and 0.5, both excluded")
+            raise SceneError(
+                f"{name}: Poisson's ratio nu = {nu}; it lies between -1 and 0.5, both excluded; give 0.499 for"
+                " what is incompressible"
+            )
     if isinstance(material, ElastoPlastic):
         positive(f"{name}: yield_stress", material.yield_stress, "a stress in Pa")
         not_negative(f"{name}: hardening", material.hardening, "a modulus in Pa")

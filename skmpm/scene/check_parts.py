@@ -141,7 +141,7 @@ def _check_displacement(name: str, support: Support) -> None:
         return
     if not callable(support.displacement):
         raise SceneError(f"{name}: displacement = {support.displacement!r}; give a function of time t -> (x, y) [m]")
-    if np.array(support.velocity, dtype=object).tolist() not in ([0.0, 0.0], (0.0, 0.0)):
+    if np.array(support.velocity, dtype=object).tolist() != [0.0, 0.0]:
         raise SceneError(f"{name}: velocity = {support.velocity} and displacement; give one of them")
     start = prescribed_components(support, 0.0, f"{name}: displacement")
     if np.nan_to_num(start).any():

@@ -29,6 +29,9 @@ def check_fits(scene: Scene, state: State, name: str) -> None:
         raise SceneError(
             f"{name}: expected a State, got {reprlib.repr(state)}; use one, as returned by skmpm.load(path)"
         )
+    for field in ("x", "v", "F", "C"):
+        if not np.isfinite(getattr(state, field)).all():
+            raise SceneError(f"{name}: {field} of the state has values that are not finite; give numbers")
     for what, found, wanted in (
         ("points", state.x.shape[1], scene.initial_positions.shape[1]),
         ("walls", len(state.walls), len(scene.walls)),

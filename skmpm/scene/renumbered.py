@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -61,8 +61,7 @@ def renumbered(scene: Scene, new_scene: Scene, contacts: Contacts, bodies: Ints,
     at_points = contacts.point >= 0
     key = np.where(at_points, _keys(scene, new_scene, contacts, bodies, both[1]), contacts.key)
     now = replace(contacts, bodies=both, point=np.where(at_points, point[contacts.point], -1), key=key)
-    stay = (both != GONE).all(axis=0)
-    return Contacts(*(getattr(now, f.name)[..., stay] for f in fields(Contacts)))
+    return now.among((both != GONE).all(axis=0))
 
 
 def _keys(scene: Scene, new_scene: Scene, contacts: Contacts, bodies: Ints, second: Ints) -> Ints:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,8 @@ from numpy.typing import NDArray
 from skmpm.arrays import Array, Bools, Ints
 from skmpm.material import has_memory
 from skmpm.scene.check import check_walls
-from skmpm.scene.fits import STAYS_RIGID, check_fits
-from skmpm.scene.objects import Body
+from skmpm.scene.fits import STAYS_RIGID, check_fits, check_scene
+from skmpm.scene.objects import Body, rigid_motion
 from skmpm.scene.point_sets import support_arms, support_rotations
 from skmpm.scene.prescribed import normal_speeds, with_normal_speeds
 from skmpm.scene.renumbered import of_bodies, renumbered
@@ -65,6 +66,7 @@ def continued(scene: Scene, state: State, new_scene: Scene) -> State:
     (0.005, -0.02943)
     """
     check_fits(scene, state, "continued")
+    check_scene("continued", new_scene)
     bodies = _former_bodies(scene, new_scene)
     _check_bodies(scene, new_scene, bodies)
     former = _former_walls(scene, new_scene)
@@ -134,6 +136,11 @@ def at_rest(scene: Scene, state: State) -> State:
     with_box = 0.0 if rate is None else rate @ state.centres[:, state.body]
     walls = scene.wall_velocities(state.t)
     v = np.where(scene.movable[scene.owner], with_box, state.v)
+    for b in scene.free_rigid.tolist():
+        motion, own = rigid_motion(scene.bodies[b], state.t, f"body {b}"), scene.owner == b
+        x, y = state.x[:, own] - state.centres[:, b, None]
+        v[:, own] = np.where(np.isnan(motion[:2, None]), v[:, own], motion[:2, None])
+        v[:, own] += np.nan_to_num(motion[2]) * np.stack([-y, x])
     for place, velocity in zip(scene.supported, scene.support_velocities(state.t), strict=True):
         v[:, place.points] = np.where(np.isnan(velocity)[:, None], v[:, place.points], velocity[:, None])
     for i, (cosine, sine) in zip(scene.turning.tolist(), support_rotations(scene, state.t).T, strict=True):
@@ -198,9 +205,11 @@ def _former_bodies(scene: Scene, new_scene: Scene) -> Ints:
 
 
 def _same_points(old: Body, new: Body) -> bool:
-    return old.points is new.points or (
-        np.array_equal(old.points.x, new.points.x) and np.array_equal(old.points.volume, new.points.volume)
-    )
+    if old.points is new.points:
+        return True
+    loops = zip_longest(old.points.outline, new.points.outline, fillvalue=())
+    both = (old.points.x, new.points.x), (old.points.volume, new.points.volume), *loops
+    return all(np.array_equal(before, now) for before, now in both)
 
 
 def _check_bodies(scene: Scene, new_scene: Scene, former: Ints) -> None:

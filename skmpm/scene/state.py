@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
@@ -51,6 +51,19 @@ class Contacts:
     def __post_init__(self) -> None:
         if self.lasting_force.shape != self.gap.shape:
             object.__setattr__(self, "lasting_force", between_bodies(self.bodies, self.force[0]))
+
+    def among(self, chosen: Bools | Ints) -> Contacts:
+        """Some of the contacts.
+
+        Parameters
+        ----------
+        chosen : (k,) which, or the indices of them (j,)
+
+        Returns
+        -------
+        these contacts, (j,)
+        """
+        return Contacts(**{f.name: getattr(self, f.name)[..., chosen] for f in fields(self)})
 
     def at(self, side: int) -> Array:
         """Contact points where the first or the second bodies are.

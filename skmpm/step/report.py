@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from skmpm.observe.contact_network import among, between, pairs_of
+from skmpm.observe.contact_network import between, pairs_of
 from skmpm.scene import Energy, Report, Scene, State
 from skmpm.step.equations import Increment
 from skmpm.step.newton import Solution
@@ -25,7 +25,7 @@ def unbalanced_ratio(scene: Scene, increment: Increment, solution: Solution, aft
     if contact is not None and contact.constraints.size:
         force = force + increment.on_nodes(contact.impulse) / increment.theta_dt
         without_impacts = replace(after.contacts, force=contact.constraints.forces(contact.r, increment.dt))
-        contacts = among(without_impacts, between(after.contacts))
+        contacts = without_impacts.among(between(after.contacts))
         pairs = pairs_of(contacts, after.box)
         each = np.where(pairs.same, 1.0, -1.0) * contacts.vectors
         sizes = np.hypot(*(np.bincount(pairs.of, component, pairs.bodies.shape[1]) for component in each))

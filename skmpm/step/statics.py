@@ -50,7 +50,7 @@ Problems = Callable[[Array, ContactIterate | None], ContactProblem | None]
 def settle(increment: Increment, problem_at: Problems, kept: Factor | None, timer: Timer, stroke: float) -> Solution:
     """The equilibrium at the end of a step.
 
-    `problem_at` gives the contact problem with the contact points at a velocity (2 nodes,) [m/s], for the contact
+    `problem_at` gives the contact problem with the contact points at a velocity (n,) [m/s], for the contact
     forces of the solve before. The `kept` factor is of use where supports hold all bodies. Prescribed motions may
     move bodies by `stroke` [m].
 
@@ -90,8 +90,6 @@ def settle(increment: Increment, problem_at: Problems, kept: Factor | None, time
                 break
             metric.adapt(moved)
         problem = problem_at(w, found.contact)
-    if not solved:
-        raise StepRejected("all bodies", f"no solve of {MAX_SOLVES} succeeds, whatever the metric")
     body = int(np.argmax(np.where(travelled > FARTHEST, travelled, change.share)))
     raise no_equilibrium(increment, motion, solved[-1], len(solved), body, float(change.share[body]))
 
@@ -223,7 +221,7 @@ def _unheld(increment: Increment, motion: RigidMotion, problem: ContactProblem |
 
 
 def _without_metric(increment: Increment, solution: Solution) -> Array:
-    """The out-of-balance impulse without the metric, (2 nodes,) [kg m/s per m]."""
+    """The out-of-balance impulse without the metric, (n,) [kg m/s per m]."""
     still = replace(increment, metric=np.zeros_like(increment.displacement_at_start))
     gradient, _ = still.gradient(solution.w, _configuration(increment, solution))
     return gradient if solution.contact_impulse is None else gradient - solution.contact_impulse

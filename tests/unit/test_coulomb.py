@@ -364,3 +364,11 @@ def test_bilateral_unknowns_are_what_eliminating_them_gives(k, mu):
     assert info.converged
     np.testing.assert_allclose(r, expected, atol=1e-8)
     np.testing.assert_allclose(info.bilateral, J.T @ r / D, atol=1e-8)
+
+
+def test_bilateral_unknowns_without_contacts_are_refused():
+    """They were ignored."""
+    with pytest.raises(
+        ValueError, match=r"2 bilateral unknowns and no contact; solve W s \+ q = 0 by a linear solver"
+    ):
+        coulomb.solve(np.eye(2), np.zeros(0), np.zeros(0), bilateral=coulomb.Bilateral(np.ones(2)))

@@ -340,6 +340,7 @@ SQUARE = np.array([[0.0, 1.0, 1.0, 0.0], [0.0, 0.0, 1.0, 1.0]])
         (teeth(12, 0.7, 2), {"spacing": 0.9}, "spacing is 0.9; the polygon of boundary points has 125 % of the area"),
         (SQUARE, {"rounding": -0.1}, "rounding = -0.1; give a length in metres of zero or more"),
         (SQUARE, {"smoothing": -1}, "smoothing = -1; give a length in metres of zero or more"),
+        (SQUARE, {"spacing": 1e-6, "smoothing": 0.3}, "spacing is 1e-06, at which an area of 1 has 1e[+]12 points"),
         (SQUARE, {"smoothing": 2.0}, "smoothing is 2; the average of loop 0, which is 4 m long, has .* %"),
         (circle(), {"smoothing": 50.0}, "the average of loop 0, which is 6.28 m long, has 0 % of its area"),
         ([SQUARE, 0.5 * SQUARE + [[0.25], [0.002]]], {"smoothing": 0.3}, "the averages of the loops cross"),

@@ -124,3 +124,12 @@ def test_a_velocity_may_be_given_where_no_motion_is():
     assert motion_of(scene, state, 0) == pytest.approx([0.2, 0.0, 0.0], abs=1e-12)
     with pytest.raises(skmpm.SceneError, match="give one of them"):
         skmpm.Scene([Body(IDLER, Rigid(RHO), motion=(None, 0.0, 0.0), velocity=(0.2, 0.1)), FAR], cell=R / 4)
+
+
+def test_a_start_from_rest_moves_on_as_prescribed():
+    """The plate slides on, the idler turns no more; what turns goes on turning."""
+    scene = plate_on_idler(idler=(0.0, None, 3.0), load=None)
+    *_, state = skmpm.simulate(scene, dt=1e-4, until=3e-4)
+    start = skmpm.at_rest(scene, state)
+    assert motion_of(scene, start, 0) == pytest.approx([0.0, 0.0, 3.0], abs=1e-9)
+    assert motion_of(scene, start, 1) == pytest.approx([V, 0.0, 0.0], abs=1e-12)

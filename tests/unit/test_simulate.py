@@ -1,6 +1,7 @@
 """Steps are pure functions, runs end at `until`, and motions agree with closed forms of the time scheme."""
 
 import re
+import signal
 from dataclasses import fields, is_dataclass, replace
 from importlib import import_module
 from itertools import pairwise
@@ -124,6 +125,29 @@ def test_a_step_and_the_initial_state_refuse_the_same():
         step(one, initial(one), 1e-5, scheme="fast")
     with pytest.raises(ValueError, match="initial: scheme = 'fast'; give a Scheme"):
         initial(one, scheme="fast")
+
+
+@pytest.mark.parametrize("field", ["x", "v", "F", "C"])
+def test_a_state_that_is_not_finite_is_refused(field):
+    """Solvers did not converge, and recommended a smaller dt."""
+    scene = free()
+    state = initial(scene)
+    values = getattr(state, field).copy()
+    values[..., 3] = np.nan
+    with pytest.raises(SceneError, match=f"start: {field} of the state has values that are not finite"):
+        simulate(scene, dt=1e-5, until=1e-4, start=replace(state, **{field: values}))
+
+
+def test_a_handler_of_sigterm_that_is_set_during_a_run_stays(tmp_path):
+    before, own = signal.getsignal(signal.SIGTERM), lambda *_: None
+    states = simulate(free(), dt=1e-5, until=3e-5, checkpoint=tmp_path / "run.chk")
+    next(states)
+    try:
+        signal.signal(signal.SIGTERM, own)
+        list(states)
+        assert signal.getsignal(signal.SIGTERM) is own
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def test_a_checkpoint_that_cannot_be_written_is_refused_before_the_run(tmp_path):

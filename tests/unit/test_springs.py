@@ -585,3 +585,9 @@ def test_beds_with_a_moving_rest_or_bars_are_bolts():
     further = [Spring(end, (1e3, k), rest=lambda t: (0.0, -3.0 * gap * t)) for end in ends]
     scene, state = clamped(further, guide, friction=0.1)
     assert abs(state.wall_force[0, 1]) == pytest.approx(-spring_forces(scene, state)[:, 1].sum(), rel=1e-3)
+
+
+def test_forces_at_a_state_of_another_scene_are_refused():
+    scene = Scene([block()], cell=CELL, springs=[Spring(everywhere, K)])
+    with pytest.raises(SceneError, match="spring_forces: expected a State, got None"):
+        spring_forces(scene, None)

@@ -51,6 +51,11 @@ def run():
     return scene, state
 
 
+def coarser(points):
+    """The same points with every other one of the outline."""
+    return replace(points, outline=(points.outline[0][::2],))
+
+
 def assert_same(one, other):
     for f in fields(one):
         if f.name not in ("derived", "report", "contacts", "step_control"):
@@ -174,6 +179,10 @@ def test_supports_that_are_described_anew_go_on():
             "continued: body 1 of the new scene has other points",
         ),
         (
+            lambda s: replace(s, bodies=[s.bodies[0], replace(s.bodies[1], points=coarser(s.bodies[1].points))]),
+            "continued: body 1 of the new scene has other points",
+        ),
+        (
             lambda s: replace(s, bodies=[s.bodies[0], replace(s.bodies[1], material=NeoHookean(1e6, 0.3, 900.0))]),
             "continued: body 1 of the new scene has another density",
         ),
@@ -210,6 +219,8 @@ def test_a_state_of_another_scene_is_refused(run):
     alone = Scene([Body(disc((0, 0), R, spacing=R / 5), GEL), other], cell=R / 3)
     with pytest.raises(SceneError, match="continued: the state has"):
         continued(alone, run[1], run[0])
+    with pytest.raises(SceneError, match="continued: scene = None; give a Scene"):
+        continued(*run, None)
 
 
 def test_a_rigid_body_does_not_become_deformable(run):
