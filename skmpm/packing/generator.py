@@ -216,8 +216,7 @@ def _attempt(
     what: str,
 ) -> Array:
     """Positions of bodies grown to full size from random ones; PackingError if they jam in all attempts."""
-    ease = max(1.0, min(_EASE, _DENSE / solid_fraction))
-    size = 0.0
+    ease, size = max(1.0, min(_EASE, _DENSE / solid_fraction)), 0.0
     for _ in range(attempts):
         with one_thread():  # several round differently
             x, reached = _grow(start(), separate, np.sqrt(ease), rng)
@@ -294,11 +293,10 @@ def _numbers(shapes: object) -> ArrayLike:
 
 
 def _check_room(box: discs.Box, unit: float, thick: float, kind: str) -> None:
-    width, height = (unit * box.size).tolist()
     if thick >= box.size.min():
+        size, bodies = " x ".join(f"{unit * side:.4g}" for side in box.size), f"{kind} is {unit * thick:.4g} m thick"
         raise PackingError(
-            f"the box is {width:.4g} x {height:.4g} m but the largest {kind} is {unit * thick:.4g} m thick; change"
-            f" the width, lower solid_fraction or use more {kind}s"
+            f"the box is {size} m, the largest {bodies}; change the width, lower solid_fraction or use more {kind}s"
         )
 
 

@@ -152,9 +152,7 @@ def test_says_what_is_wrong(shapes, message):
 def test_shapes_thicker_than_their_box_are_refused_at_once():
     """They were grown for half a minute, and another seed was recommended."""
     rods = [capsule((0.0, 0.0), 4e-3, 0.5e-3, spacing=0.2e-3)] * 4
-    with pytest.raises(
-        PackingError, match=r"the box is 1 x .* m but the largest shape is 0\.001 m thick; change the"
-    ):
+    with pytest.raises(PackingError, match=r"the box is 1 x .* m, the largest shape is 0\.001 m thick; change the"):
         packing(rods, width=1.0, solid_fraction=0.5)
 
 
