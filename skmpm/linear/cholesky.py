@@ -97,8 +97,9 @@ def _eliminate(band: Array, height: int, begin: int, size: int) -> bool:
 def copy_panel(band: Array, height: int, at: int, size: int, panel: Array) -> None:
     """Copy the rows below the triangle of the panel that begins at band[at], column by column."""
     for column in range(PANEL):
-        begin = at + column * height + PANEL - column
-        panel[column * WIDEST : column * WIDEST + size] = band[begin : begin + size]
+        begin, to = at + column * height + PANEL - column, column * WIDEST
+        for i in range(size):
+            panel[to + i] = band[begin + i]
 
 
 @compiled
@@ -116,8 +117,9 @@ def _eliminate_below(band: Array, height: int, begin: int, rows: int, panel: Arr
         z = rd * (panel[i + 3 * WIDEST] - da * w - db * x - dc * y)
         panel[i], panel[i + WIDEST], panel[i + 2 * WIDEST], panel[i + 3 * WIDEST] = w, x, y, z
     for column in range(PANEL):
-        at = a + column * height + PANEL - column
-        band[at : at + size] = panel[column * WIDEST : column * WIDEST + size]
+        at, begin = a + column * height + PANEL - column, column * WIDEST
+        for i in range(size):
+            band[at + i] = panel[begin + i]
 
 
 @compiled

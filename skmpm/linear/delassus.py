@@ -208,7 +208,8 @@ def _products(
             for e in range(right_indptr[columns[j]], right_indptr[columns[j] + 1]):
                 if owner[right_indices[e]] == body:
                     _add(right[e], S[position[right_indices[e]]], total)
-            turned[:, j] = total
+            for k in range(own.size):
+                turned[k, j] = total[k]
         block = blocks[begins[body] : begins[body + 1]].reshape((rows.size, width))
         for i in range(rows.size):
             for e in range(left_indptr[rows[i]], left_indptr[rows[i] + 1]):
