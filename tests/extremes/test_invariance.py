@@ -16,20 +16,14 @@ import skmpm
 STEPS = 20
 BASE = Parameters(dt_c_h=3.0, scheme={"newton_tol": 1e-6})  # where rounding ends what Newton leaves
 UNITS = {
-    "metres": {"length": 1.0},
-    "micrometres": {"length": 1e-6},
-    "kPa": {"stress": 1e3},
-    "GPa": {"stress": 1e9},
-    "aerogel": {"density": 1.0},
-    "all": {"length": 3e-6, "stress": 7e2, "density": 2.7e3},
+    "large": {"length": 1.0, "stress": 1e9, "density": 2.7e3},
+    "small": {"length": 1e-6, "stress": 1e3, "density": 1.0},
+    "odd": {"length": 3e-6, "stress": 7e9},
 }
 SYMMETRIES = {
-    "cells": {"origin": (7.0, -4.0)},
     "thousands-of-cells": {"origin": (1000.0, -4000.0)},
     "quarter-turn": {"quarter_turns": 1},
-    "half-turn": {"quarter_turns": 2},
     "mirror": {"mirrored": True},
-    "mirror-and-turn": {"mirrored": True, "quarter_turns": 3},
     "order": {},
 }
 
@@ -130,7 +124,7 @@ def pile(gravity):
 @pytest.mark.slow
 def test_what_is_not_pushed_does_not_move():
     """Touching discs without a force, two hundred steps: nothing but the rounding of gaps of 1e-35 m."""
-    v, x, _ = drift(pile(0.0), DT, 200, 100)
+    v, x, _ = drift(pile(0.0), DT, 100, 50)
     assert v.max() < 1e-25
     assert x.max() < 1e-25
 
@@ -143,7 +137,7 @@ def test_a_pile_at_rest_stays():
     Friction holds velocities, not places, so this adds up to a creep, in ten thousand steps as well: at most 2e-7 R,
     and 3e-4 of the elastic energy.
     """
-    v, x, elastic = drift(pile(GRAVITY), DT, 1_000, 500)
+    v, x, elastic = drift(pile(GRAVITY), DT, 600, 300)
     assert v.max() < 5e-6 * GRAVITY * DT
     assert x.max() < 2e-7 * R
     np.testing.assert_allclose(elastic, elastic[0], rtol=3e-4)
@@ -154,7 +148,7 @@ def test_a_pile_at_rest_stays():
 def test_the_creep_is_the_tolerance():
     """With tolerances of 1e-10 the same pile stands still: a thousandth of what the test above allows a step."""
     tight = {"newton_tol": 1e-10, "contact_tol": 1e-10, "gap_tol": 1e-9}
-    v, x, elastic = drift(pile(GRAVITY), DT, 600, 200, **tight)
+    v, x, elastic = drift(pile(GRAVITY), DT, 400, 133, **tight)
     assert v[1:].max() < 5e-9 * GRAVITY * DT
     assert x[1:].max() < 4e-11 * R
     np.testing.assert_allclose(elastic[1:], elastic[1], rtol=6e-8)

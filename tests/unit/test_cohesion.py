@@ -464,7 +464,7 @@ def test_cohesive_discs_that_turn_about_each_other_hold_together():
         for x in (0.0, 2.0 * r)
     ]
     scene = Scene(turning, cell=h, friction=0.5, cohesion=3e3, cohesion_range=2e-4)
-    states = list(simulate(scene, until=0.06))
+    states = list(simulate(scene, until=0.03))
     assert sum(state.report.retries for state in states) == 0
     centres = [states[-1].x[:, states[-1].body == b].mean(axis=1) for b in range(2)]
     assert np.hypot(*(centres[1] - centres[0])) == pytest.approx(2.0 * r, rel=0.01)

@@ -150,7 +150,7 @@ def test_a_field_of_gravity_turns_a_disc_on_a_smooth_floor(dt):
 
     The condition held it still. Backward Euler turns it by a dt t / 2 too far.
     """
-    until = 60.0 * CROSSING
+    until = 30.0 * CROSSING
     turning = 2.0 * 0.3 / until**2
 
     def gravity(x, t):

@@ -86,7 +86,7 @@ def test_a_pressure_is_met_and_its_solid_fraction_is_that_of_a_lattice():
 
 def test_friction_jams_looser_with_fewer_contacts():
     """Z between 3 and 4, and a lower solid fraction than without friction."""
-    smooth, rough = (skmpm.jam(bidisperse(14, 0.76, 0, friction=mu), tolerance=1e-4) for mu in (0.0, 0.5))
+    smooth, rough = (skmpm.jam(bidisperse(8, 0.76, 0, friction=mu), tolerance=1e-4) for mu in (0.0, 0.5))
     assert rough.solid_fraction_nominal < smooth.solid_fraction_nominal
     assert 2.5 < rough.coordination < smooth.coordination
 
@@ -129,7 +129,7 @@ def test_it_shows_what_was_found():
         ({"increment": None}, "between 1e-6 and 0.05"),
         ({"tolerance": 0.0}, "jam: tolerance"),
         ({"tolerance": 0.01}, "between 1e-9 and the increment"),
-        ({"pressure": 1e9}, "where the search ends; give a pressure below that"),
+        ({"pressure": 1e9, "increment": 0.05}, "where the search ends; give a pressure below that"),
     ],
 )
 def test_what_is_wrong_is_refused(options, words):

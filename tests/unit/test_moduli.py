@@ -40,10 +40,16 @@ def compressed(kind, friction=FRICTION, size=SIZE):
     return scene, state
 
 
+@cache
+def measured(friction=FRICTION, held=False):
+    """The moduli of the hexagonal lattice."""
+    return moduli(*compressed("hexagonal", friction), held=held)
+
+
 @pytest.mark.parametrize(("friction", "held"), [(0.0, False), (0.0, True), (FRICTION, False)])
 def test_a_hexagonal_lattice_is_isotropic(friction, held):
     """The sixfold axis makes C_xxxx = C_yyyy and both shear moduli equal; C is symmetric but for the stress."""
-    found = moduli(*compressed("hexagonal", friction), held=held)
+    found = measured(friction, held)
     C = found.tensor
     assert C[0, 0, 0, 0] == pytest.approx(C[1, 1, 1, 1], rel=0.06)
     assert found.shear == pytest.approx(found.shear_pure, rel=0.06)
@@ -55,7 +61,7 @@ def test_a_hexagonal_lattice_is_isotropic(friction, held):
 
 def test_contacts_that_slide_make_a_packing_softer():
     """Under shear, not under pressure; and where friction is enough, holding contacts changes nothing."""
-    sliding, held = (moduli(*compressed("hexagonal", 0.0), held=held) for held in (False, True))
+    sliding, held = (measured(0.0, held) for held in (False, True))
     assert sliding.shear < 0.7 * held.shear
     assert sliding.bulk == pytest.approx(held.bulk, rel=0.02)
     assert moduli(*compressed("hexagonal"), held=True).shear == pytest.approx(held.shear, rel=0.01)
@@ -86,7 +92,7 @@ def between_plates(compression_x, size):
 
 def test_moduli_do_not_depend_on_the_strain_or_on_velocities():
     scene, state = compressed("hexagonal")
-    usual = moduli(scene, state)
+    usual = measured()
     finer = moduli(scene, replace(state, v=state.v + 1.0), strain=1e-6)
     np.testing.assert_allclose(finer.tensor, usual.tensor, atol=0.01 * usual.bulk)
 
@@ -95,7 +101,7 @@ def test_moduli_do_not_depend_on_how_the_box_moves():
     """That of the scene is left out: the packing rests in the box of the state."""
     scene, state = compressed("hexagonal")
     shearing = replace(scene, periodic=replace(scene.periodic, rate=((-0.1, 0.3), (0.0, -4.0))))
-    np.testing.assert_array_equal(moduli(shearing, state).tensor, moduli(scene, state).tensor)
+    np.testing.assert_array_equal(moduli(shearing, state).tensor, measured().tensor)
 
 
 def test_a_body_that_fills_the_box_has_the_moduli_of_its_material():
@@ -118,7 +124,7 @@ def test_a_disc_that_touches_nothing_is_a_rattler():
     *_, state = simulate(fewer, dt=1.0, until=2.0, scheme=STATIC)
     found = moduli(fewer, state)
     assert found.rattlers.tolist() == [True] + [False] * 15
-    assert found.bulk < moduli(scene, compressed("hexagonal")[1]).bulk
+    assert found.bulk < measured().bulk
 
 
 def test_what_has_no_moduli_is_refused():

@@ -59,8 +59,9 @@ def test_one_disc_is_a_disc_between_four_walls():
     assert pressures[0] > 4e4
 
 
-@pytest.mark.parametrize("moved", [0, 1, -3], ids=["none", "next", "far"])
-@pytest.mark.parametrize("turn", [np.eye(2), TURNED], ids=["width", "height"])
+@pytest.mark.parametrize(
+    ("turn", "moved"), [(UPRIGHT, 0), (UPRIGHT, -3), (TURNED, 1)], ids=["width-none", "width-far", "height-next"]
+)
 def test_a_sheared_layer_carries_the_tractions_of_its_walls(turn, moved):
     """In equilibrium stress . n is the traction on both walls, to 1e-6 of the pressure (Cauchy), wherever bodies are.
 
@@ -84,8 +85,8 @@ def test_a_sheared_layer_carries_the_tractions_of_its_walls(turn, moved):
 
 
 def test_a_disc_rolls_down_a_slope_through_the_box():
-    """As without a box to 1e-9 cells, and g sin(a) t^2 / 3 to 5 %, through four boxes (Goldstein, section 2.4)."""
-    slope, g, until, found = 0.2, 9.81, 0.12, []
+    """As without a box to 1e-9 cells, and g sin(a) t^2 / 3 to 5 %, through two boxes (Goldstein, section 2.4)."""
+    slope, g, until, found = 0.4, 9.81, 0.06, []
     pull = g * np.array([np.sin(slope), -np.cos(slope)])
     for box in (Periodic(2.2 * R, None), None):
         scene = skmpm.Scene(
@@ -95,7 +96,7 @@ def test_a_disc_rolls_down_a_slope_through_the_box():
         found.append(float(np.average(state.x[0], weights=state.mass)))
     assert found[0] == pytest.approx(found[1], abs=1e-9 * H)
     assert found[0] == pytest.approx(pull[0] * until**2 / 3.0, rel=0.05)
-    assert found[0] > 4 * 2.2 * R
+    assert found[0] > 2 * 2.2 * R
 
 
 def test_momentum_and_energy_of_a_sheared_cell():

@@ -335,7 +335,7 @@ def test_bars_of_different_bodies_share_a_solve(solver):
 @pytest.mark.parametrize("friction", [0.0, 0.5])
 def test_a_large_problem_with_bars_stays_sparse(friction, filled, monkeypatch):
     """Bars join rows of blocks to one body each: eliminated, they would fill the rows of W, with the same result."""
-    scene = wall_of_blocks(6, friction)
+    scene = wall_of_blocks(4, friction)
 
     def three_steps():
         *_, state = simulate(scene, dt=1e-4, until=3e-4, scheme=Scheme(newton_tol=1e-8))

@@ -112,7 +112,7 @@ def test_a_lid_that_is_added_after_pouring_presses(run):
     damped = replace(GEL, viscosity=20.0)
     bodies = [Body(disc((R, y), R, spacing=R / 5), damped) for y in (R, 3.3 * R)]
     pour = Scene(bodies, cell=R / 3.5, walls=[FLOOR, LEFT, Wall((2.1 * R, 0), (-1, 0))], gravity=(0.0, -400.0))
-    *_, state = simulate(pour, until=0.006)
+    *_, state = simulate(pour, dt=5e-5, until=0.006)
     top = state.x[1].max()
     assert top < 4 * R
     lid = Wall((0.0, top + 0.01 * R), (0.0, -1.0), velocity=(0.0, -0.1))

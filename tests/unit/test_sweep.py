@@ -370,11 +370,11 @@ def dies(speed):
 @pytest.mark.slow
 def test_a_member_whose_process_always_dies_fails(tmp_path):
     """After three attempts, and alone: one that waits for the same worker is not taken for it."""
-    found = skmpm.sweep(dies, [{"speed": 1.0}, {"speed": 0.0}, {"speed": 2.0}], out=tmp_path, processes=1)
+    found = skmpm.sweep(dies, [{"speed": 1.0}, {"speed": 0.0}], out=tmp_path, processes=1)
     error = "its process ended 3 times; was there enough memory?"
-    assert found.failed == {"speed=1.0": error, "speed=2.0": error}
+    assert found.failed == {"speed=1.0": error}
     assert found["speed=0.0"].status == "finished"
-    assert [len(found[name].manifest["sessions"]) for name in found.failed] == [3, 3]
+    assert [len(found[name].manifest["sessions"]) for name in found.failed] == [3]
 
 
 SCRIPT = """

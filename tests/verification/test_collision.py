@@ -72,9 +72,13 @@ class Collision:
     lowest: float  # smallest increase of what is dissipated in a step
 
 
-@cache
 def collide(position, *, cells=5, dt=0.01, impact=0.0, friction=0.0, theta=0.5, speed=SPEED, solver="banded"):
-    """Two discs through their collision and a little beyond."""
+    """Two discs through their collision and a little beyond; each once, however it is asked for."""
+    return _collide(position, cells, dt, impact, friction, theta, speed, solver)
+
+
+@cache
+def _collide(position, cells, dt, impact, friction, theta, speed, solver):
     scene = pair(cells=cells, impact=impact, friction=friction, position=position, speed=speed)
     scheme = Scheme(theta=theta, linear=SOLVERS[solver])
     states = [initial(scene, scheme=scheme)]

@@ -60,7 +60,7 @@ def errors(problem, cell, nu, mean_dilatation):
     return found[:1] if problem == "cook" else found
 
 
-@pytest.mark.parametrize("nu", [0.4, 0.45, 0.49])
+@pytest.mark.parametrize("nu", [0.4, 0.49])
 @pytest.mark.parametrize("problem", NAMES)
 def test_what_is_averaged_by_default_does_not_lock(problem, nu):
     """From nu = 0.4 on: stiffness and peak err by at most 1.2 times what they do at 0.3; off, by 1.4 times that."""

@@ -33,7 +33,7 @@ def turned(friction, depth, dt):
     return [states[i] for i in at]
 
 
-@pytest.mark.parametrize(("friction", "depth"), [(0.5, 0.1), (0.3, 0.15), (0.5, 0.15), (1.0, 0.15)])
+@pytest.mark.parametrize(("friction", "depth"), [(0.5, 0.1), (0.3, 0.15), (1.0, 0.15)])
 def test_long_steps_store_what_short_ones_do(friction, depth):
     """Steps of 0.2 rad and of 0.02, to 1 %; friction is of first order in the step, and work agrees to a tenth."""
     long, short = turned(friction, depth, 0.2), turned(friction, depth, 0.02)
