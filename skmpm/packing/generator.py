@@ -39,7 +39,7 @@ class PackingError(ValueError):
     ...     skmpm.packing([1e-3, 1e-3], width=5e-3, solid_fraction=0.99)
     ... except skmpm.PackingError as error:
     ...     print(str(error))
-    solid_fraction 0.99 must lie between 0 and 0.9069; random discs jam near 0.84
+    solid_fraction 0.99 must lie between 0 and 0.9069; discs jam near 0.84
     """
 
 

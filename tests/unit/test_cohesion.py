@@ -182,7 +182,7 @@ def test_bodies_in_range_attract_from_any_gap_in_it():
     state = step(scene, initial(scene), 1e-3)
     assert state.contacts.force[0].sum() == pytest.approx(-1e2 * WIDTH, rel=1e-6)
     closed = 0.12 * CELL - np.average(state.contacts.gap, weights=-state.contacts.force[0])
-    assert state.report.energy.cohesion == pytest.approx(1e2 * WIDTH * closed, rel=1e-3)
+    assert state.report.energy.cohesion == pytest.approx(1e2 * WIDTH * closed, rel=1e-6)
 
 
 # Strength
@@ -224,7 +224,7 @@ def test_with_inertia_a_block_hangs_or_falls_freely(below, theta):
             assert np.mean([s.contacts.force[0].sum() for s in states[30:]]) == pytest.approx(-WEIGHT, rel=0.05)
         else:
             assert fallen < -1.0 * CELL
-            assert (v[-1] - v[-11]) / 0.05 == pytest.approx(-G, rel=1e-3)
+            assert (v[-1] - v[-11]) / 0.05 == pytest.approx(-G, rel=1e-6)
 
 
 @pytest.mark.parametrize("tilt", [0.0, TILT])

@@ -138,14 +138,14 @@ def test_a_block_under_a_heavy_lid_comes_to_rest_at_its_static_height():
 def test_forces_on_what_forces_move_do_not_alternate_with_the_midpoint_rule():
     """A lid pressed upon a viscous block, and a rigid box dropped on it, come to rest.
 
-    Without impulses of impacts at the ends of steps their forces, of m dv/dt, alternate by 3 and 8 % for ever.
+    Without impulses of impacts at the ends of steps their forces, of m dv/dt, alternate by 32 and 2.4 % for ever.
     """
-    dt, block = 0.021, Body(box((-1.0, 0.0), (2.0, 1.0), spacing=0.2), NeoHookean(100.0, 0.3, 1.0, viscosity=1.0))
+    dt, block = 0.021, Body(box((-1.0, 0.0), (2.0, 1.0), spacing=0.2), NeoHookean(100.0, 0.3, 1.0, viscosity=4.0))
     top = Body(box((-0.8, 1.01), (1.6, 0.5), spacing=0.2), Rigid(5.0), velocity=(0.02, -0.1))
     lid = Wall((0.0, 1.01), (0.0, -1.0), force=0.5, mass=1.0, velocity=(0.0, -0.1))
     pressed = Scene([block], cell=0.25, walls=[FLOOR, lid], friction=0.3)
     loaded = Scene([block, top], cell=0.25, walls=[FLOOR], friction=0.3, gravity=(0.0, -0.1))
-    for scene, force, mass, until in ((pressed, 0.5, 1.0, 3.78), (loaded, 0.4, 4.0, 7.14)):
+    for scene, force, mass, until in ((pressed, 0.5, 1.0, 2.52), (loaded, 0.4, 4.0, 4.2)):
         states = list(simulate(scene, dt=dt, until=until, scheme=Scheme(theta=0.5)))[-60:]
         speed = [s.wall_velocity[1, 1] if scene is pressed else s.v[1, s.body == 1].mean() for s in states]
         assert np.abs(np.diff(speed, 3)).mean() / 8.0 < 2e-3 * force * dt / mass
@@ -373,5 +373,5 @@ def test_a_constant_force_on_a_lid_works_in_full_in_a_step_without_inertia(force
         until = 1.0 if start is None else 2.0
         (after,) = simulate(pressed, dt=1.0, until=until, scheme=still, start=start)
         energy = after.report.energy
-        assert energy.external == pytest.approx(0.5 * (1.0 - after.walls[1, 1]), rel=0.01)
+        assert energy.external == pytest.approx(0.5 * (1.0 - after.walls[1, 1]), rel=1e-6)
         assert energy.elastic == pytest.approx(energy.dissipated, rel=0.02)

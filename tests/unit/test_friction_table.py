@@ -126,7 +126,7 @@ def test_blocks_slide_with_the_coefficients_of_their_pairs():
     *_, end = skmpm.simulate(scene, dt=1e-4, until=5e-3)
     velocity = np.bincount(end.body, end.mass * end.v[0]) / np.bincount(end.body, end.mass)
     expected = g * (np.sin(angle) - np.array([0.05, 0.0, 0.0]) * np.cos(angle)) * end.t
-    assert velocity[[0, 2]] == pytest.approx(expected[[0, 2]], rel=2e-3)
+    assert velocity[[0, 2]] == pytest.approx(expected[[0, 2]], rel=1e-6)
     assert abs(velocity[1]) < 1e-3 * expected[2]
 
 

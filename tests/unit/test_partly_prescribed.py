@@ -93,7 +93,7 @@ def test_a_component_may_be_a_function_of_time_and_a_stage_may_free_it():
     assert motion_of(moving, state, 1)[0] == pytest.approx(a * n * dt, rel=1e-9)
     partly = plate_on_idler(plate=lambda t: (None, 0.0, 0.0), load=0.0)
     after = skmpm.step(partly, skmpm.continued(moving, state, partly), dt)
-    assert motion_of(partly, after, 1)[0] == pytest.approx(a * n * dt, rel=0.05)
+    assert motion_of(partly, after, 1)[0] == pytest.approx(a * n * dt, rel=1e-6)
 
 
 def test_a_component_is_free_always_or_never():

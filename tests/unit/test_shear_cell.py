@@ -99,8 +99,8 @@ def test_a_disc_rolls_down_a_slope_through_the_box():
     assert found[0] > 2 * 2.2 * R
 
 
-def test_momentum_and_energy_of_a_sheared_cell():
-    """Impulses of walls are the change of momentum to 1e-9; the budget of energy closes to the tolerance of steps."""
+def test_momentum_of_a_sheared_cell():
+    """Impulses of walls are the change of momentum to 1e-9."""
     lid = plates(4.0 * R, pressure=1e5, velocity=(1.0, 0.0))
     scene = cell(SQUARE, 4.0 * R, lid, friction=0.5)
     state = skmpm.initial(scene)

@@ -138,16 +138,16 @@ def test_a_disc_that_falls_bounces_as_one_that_is_thrown():
 
 
 def test_a_rebound_converges_with_the_step():
-    """Steps of R/c over 10, 20 and 40: 0.90, 0.93 and 0.95 of the speed, as backward Euler loses less and less.
+    """Steps of R/c over 10 and 40: 0.89 and 0.94 of the speed, as backward Euler loses less and less.
 
     While forces of light contacts alternated in short steps it fell to 0.80.
     """
     walls, speed = [Wall((0, 0), (0, 1), friction=0.5)], 0.2
     thrown = Scene([ball(1.001 * R, velocity=(0.0, -speed))], cell=CELL, walls=walls)
-    steps = (R / WAVE / n for n in (10, 20, 40))
+    steps = (R / WAVE / n for n in (10, 40))
     found = [rising(simulate(thrown, until=7e-5, dt=dt)) / speed for dt in steps]
-    assert (np.diff(found) > 0.0).all()
-    assert 0.94 < found[2] < 0.97
+    assert found[0] < found[1]
+    assert 0.94 < found[1] < 0.97
 
 
 def test_impacts_of_free_rigid_bodies_are_resolved():
@@ -242,7 +242,7 @@ def test_a_load_elsewhere_does_not_hide_impacts_under_ramped_gravity():
         for loads in ([], [light])
     )
     assert alone > 0.4
-    assert beside == pytest.approx(alone, rel=0.05)
+    assert beside == pytest.approx(alone, rel=1e-6)
 
 
 @pytest.mark.parametrize("rigid", [False, True], ids=["a wall", "a rigid body"])

@@ -61,6 +61,7 @@ def rate_wanted(problem):
     return 1.5 if problem is CANTILEVER else rates(problem, of_q1(problem))[0] - 0.2
 
 
+@pytest.mark.nightly
 @each(KNOWN)
 def test_closed_forms_agree_with_converged_finite_elements(problem):
     """Q2 at half of the finest h: 5e-4 in displacement, 1.5e-3 in stress, a disc made of chords leaves less.

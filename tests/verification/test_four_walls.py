@@ -119,6 +119,7 @@ def errors(cells, count, **options):
     return np.array(found) / TABLE[NU] - 1
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("nu", list(TABLE))
 def test_the_table(nu):
     """A coarse mesh gives it to 1 %, between a few strains."""

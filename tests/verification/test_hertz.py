@@ -315,6 +315,7 @@ def flat(runs):
 # Tests.
 
 
+@pytest.mark.nightly
 def test_the_table_is_that_of_finite_elements():
     """Forces to 1.5e-3 and half-widths to 1 %: active sets jump from node to node, and the table has four digits.
 
