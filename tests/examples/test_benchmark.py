@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -70,7 +71,7 @@ def first_alone(command, real=subprocess.run, **options):
 @pytest.mark.slow
 def test_benchmark(monkeypatch, tmp_path):
     """Everything at small size; a second run repeats no measurement."""
-    monkeypatch.setattr(study.subprocess, "run", first_alone)
+    monkeypatch.setattr(study, "subprocess", SimpleNamespace(run=first_alone))  # for the study alone
     monkeypatch.setitem(study.QUICK, "memory_steps", 80)
     (tmp_path / "docs").mkdir()
     for name in ("performance", "how_large"):
