@@ -5,7 +5,7 @@ Raises of all these functions: SceneError, which names the object, the value and
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -106,9 +106,11 @@ def numbers(name: str, value: ArrayLike, remedy: str) -> Array:
 
 def components(name: str, value: object, count: int, remedy: str) -> Array:
     """Components (count,), nan where they are None; SceneError if they are no finite numbers or None."""
-    if not isinstance(value, Sequence | np.ndarray) or getattr(value, "ndim", 1) == 0 or len(value) != count:
+    given = np.array(value, dtype=object)
+    if given.shape != (count,):
         raise SceneError(f"{name} = {value!r}; {remedy}")
-    filled = numbers(name, [0.0 if v is None else v for v in value], remedy)
-    if filled.shape != (count,) or not np.isfinite(filled).all():
+    free = np.array([v is None for v in given])
+    filled = numbers(name, np.where(free, 0.0, given).tolist(), remedy)
+    if not np.isfinite(filled).all():
         raise SceneError(f"{name} = {value!r}; {remedy}")
-    return np.where([v is None for v in value], np.nan, filled)
+    return np.where(free, np.nan, filled)

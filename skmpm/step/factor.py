@@ -133,10 +133,10 @@ def take(scene: Scene, state: State, increment: Increment) -> Factor | None:
     had.
     """
     kept = state.factored
-    entry = None if kept is None else _factors.pop(kept, None)
-    if kept is None or not increment.keeps_factor:
+    if kept is None:
         return None
-    if (kept.theta_dt, kept.inertia) != (increment.theta_dt, increment.scheme.inertia):
+    entry = _factors.pop(kept, None)
+    if not increment.keeps_factor or (kept.theta_dt, kept.inertia) != (increment.theta_dt, increment.scheme.inertia):
         return None
     if entry is not None and entry[0] is scene and entry[1] == increment.scheme:
         if entry[2].solver.name == MULTIGRID:

@@ -740,11 +740,11 @@ def test_impacts_are_resolved_of_what_rests_on_a_floor_at_the_start():
     for gap in (0.0, 1e-5):
         soft = NeoHookean(1e5, 0.3, 1000.0)
         block = Body(box((-0.02, gap), (0.04, 0.02), spacing=5e-3), soft)
-        walls = [Wall((0, 0), (0, 1)), Wall((0.022, 0), (-1, 0))]
+        walls = [Wall((0, 0), (0, 1)), Wall((0.03, 0), (-1, 0))]
         scene = Scene([block], cell=7e-3, walls=walls, gravity=gravity)
-        found.append(min(np.average(s.v[0], weights=s.mass) for s in simulate(scene, until=0.037)))
+        found.append(min(np.average(s.v[0], weights=s.mass) for s in simulate(scene, until=0.08)))
     assert found[0] == pytest.approx(found[1], rel=0.05)
-    assert found[0] < -0.08
+    assert found[0] < -0.2
 
 
 @pytest.mark.parametrize("squeeze", [0.02, 0.1])
