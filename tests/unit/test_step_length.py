@@ -202,7 +202,7 @@ def test_gravity_that_grows_slowly_sets_no_pace_of_waves():
 
 
 def test_a_body_on_a_shaken_floor_drifts_in_chosen_steps():
-    """To 8 % of the amplitude in four periods where it slides most of the time, as docs/limits.md says."""
+    """To 3 % of the amplitude in four periods where it slides most of the time, as docs/limits.md says."""
     period, until, slide = 0.2, 0.77, 0.3 * 9.81
     omega = 2.0 * np.pi / period
     fastest = 5.0 * slide / omega
@@ -223,8 +223,8 @@ def test_a_body_on_a_shaken_floor_drifts_in_chosen_steps():
         *_, state = simulate(scene, until=until, dt=given)
         moved = np.average(state.x[0] - scene.initial_positions[0], weights=state.mass)
         errors.append(abs(moved - at) / (fastest / omega))
-    assert errors[0] < 0.1
-    assert errors[1] < 0.01
+    assert errors[0] < 0.03
+    assert errors[1] < 0.005
 
 
 def test_a_load_elsewhere_does_not_hide_impacts_under_ramped_gravity():
