@@ -198,7 +198,7 @@ def _bodies(scene: Scene, state: State, shift: Array) -> PolyData:
 def _contacts(scene: Scene, state: State, shift: Array) -> PolyData:
     """A line for each pair of bodies that touch, between their centres, with its forces."""
     pairs = network(scene, state)
-    ends = force_lines(scene, state, pairs) + shift[:, pairs.bodies[0]].T[:, None]
+    ends = force_lines(scene, state, pairs)
     number = np.arange(2 * pairs.size)
     table = pairs.table()
     data = {name: table[name] for name in OF_CONTACTS}

@@ -13,7 +13,7 @@ from skmpm.observe.pair_correlation import check_bins
 from skmpm.observe.sides import contact_lengths
 from skmpm.optional import data_frame
 from skmpm.representation import line, quantity
-from skmpm.scene import Scene, State, check_fits
+from skmpm.scene import Scene, State, check_fits, into_box
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -173,27 +173,24 @@ def network(scene: Scene, state: State) -> Network:
     [[0, 0], [-1, -2]]
     """
     check_fits(scene, state, "network")
-    contacts = state.contacts
-    touch, of = touching(contacts, scene.cell) & between(contacts), pairs_of(contacts, state.box).of
-    own = np.flatnonzero(np.isin(of, of[touch]))
-    pairs = pairs_of(contacts.among(own), state.box)
-    bodies, of = pairs.bodies, pairs.of
+    contacts, pairs = state.contacts, pairs_of(state.contacts, state.box)
+    touch, of, n = touching(contacts, scene.cell) & between(contacts), pairs.of, pairs.bodies.shape[1]
+    merged = np.bincount(of, touch, n)
+    kept = np.flatnonzero(merged)
 
     def total(values: Array) -> Array:
-        sums = [np.bincount(of, row[own], bodies.shape[1]) for row in values]
-        return np.array(sums, dtype=np.float64).reshape(len(values), -1)
+        return np.array([np.bincount(of, row, n)[kept] for row in values], dtype=np.float64)
 
+    bodies = pairs.bodies[:, kept]
     components, vectors = touch * contacts.force, touch * contacts.vectors
     pressing, sliding = total(components)
     # Contacts at points of the second body have the opposite normal and force, so the same components (n, t).
-    sign, weight = np.ones(touch.size), touch.astype(np.float64)
-    sign[own] = np.where(pairs.same, 1.0, -1.0)
-    size = np.abs(components[0])
-    weight[own] *= np.where(total(size[None])[0, of] > 0.0, size[own], 1.0)  # alike without normal forces
+    sign, size = np.where(pairs.same, 1.0, -1.0), np.abs(components[0])
+    weight = np.where(np.bincount(of, size, n)[of] > 0.0, size, touch)  # alike without normal forces
     normal, force = total(weight * sign * contacts.normal), total(sign * vectors)
     normal /= np.maximum(np.hypot(*normal), np.finfo(np.float64).tiny)
     centre = total(weight * np.where(sign > 0.0, contacts.at(0), contacts.at(1))) / total(weight[None])
-    image = np.zeros_like(centre) if state.box is None else state.box @ pairs.lattice
+    image = np.zeros_like(centre) if state.box is None else state.box @ pairs.lattice[:, kept]
     friction = scene.frictions.between(bodies)
     limit = np.where(scene.cohesion_between(bodies) > 0.0, 0.0, friction * pressing)
     return Network(
@@ -206,21 +203,18 @@ def network(scene: Scene, state: State) -> Network:
         branch=_ends(scene, state, bodies[0], centre) - _ends(scene, state, bodies[1], centre - image) - image,
         friction=friction,
         mobilised_friction=np.divide(np.abs(sliding), limit, out=np.full(limit.shape, np.nan), where=limit > 0.0),
-        contacts=np.bincount(of, touch[own], bodies.shape[1]).astype(np.int64),
+        contacts=merged[kept].astype(np.int64),
     )
 
 
 def force_lines(scene: Scene, state: State, pairs: Network) -> Array:
-    """Lines (k, 2, 2) [m] between the centres of mass of the bodies of pairs, by which force chains are drawn.
+    """Lines (k, 2, 2) [m] along the branches of pairs, by which force chains are drawn.
 
-    Of walls and bodies of prescribed motion they begin at the centre of the contact.
+    In a periodic box they begin where the first body is drawn, whose centre is brought into the box.
     """
-    first, second = pairs.bodies
-    ends = (
-        _ends(scene, state, first, pairs.centre),
-        _ends(scene, state, second, pairs.centre - pairs.image) + pairs.image,
-    )
-    return np.stack([end.T for end in ends], axis=1)
+    first = pairs.bodies[0]
+    begin = _ends(scene, state, first, pairs.centre) + into_box(state.centres, state.box)[:, first]
+    return np.stack([begin.T, (begin - pairs.branch).T], axis=1)
 
 
 def _ends(scene: Scene, state: State, body: Ints, centre: Array) -> Array:

@@ -61,7 +61,7 @@ def of_state(scene: Scene, state: State) -> Snapshot:
 
     def forces() -> tuple[Array, Array]:
         pairs = network(scene, state)
-        return force_lines(scene, state, pairs) + shift[:, pairs.bodies[0]].T[:, None], pairs.force[0]
+        return force_lines(scene, state, pairs), pairs.force[0]
 
     return Snapshot(
         t=state.t,
