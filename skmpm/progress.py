@@ -7,7 +7,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from skmpm.observe import box_area
+from skmpm.observe import between_walls
 from skmpm.representation import quantity
 from skmpm.scene import Scene, State
 
@@ -82,7 +82,7 @@ def _motion(scene: Scene, start: State, state: State) -> list[str]:
     """How a scene moves, and how far it has come."""
     energy = state.report.energy
     parts = ["quasi-static" if energy.kinetic <= SLOW * energy.elastic else "dynamic"]
-    area, stroke = box_area(state), float(np.hypot(*(state.walls - start.walls).T).max(initial=0.0))
+    area, stroke = between_walls(state).area, float(np.hypot(*(state.walls - start.walls).T).max(initial=0.0))
     if np.isfinite(area):
         parts.append(f"solid fraction {scene.initial_volumes.sum() / area:.3f}")
     elif stroke > 0.0:

@@ -4,7 +4,7 @@ from skmpm.observe.bodies import PerBody
 from skmpm.observe.observables import Observables, observe
 from skmpm.observe.pair_correlation import pair_correlation
 from skmpm.observe.pairs import Network, force_lines, network
-from skmpm.observe.regions import box_area
+from skmpm.observe.regions import between_walls
 from skmpm.observe.springs import spring_forces
 from skmpm.observe.traction import Traction, contact_pressure
 from skmpm.observe.wetted import wetted, wetted_segments, with_fluids
@@ -14,7 +14,7 @@ __all__ = [
     "Observables",
     "PerBody",
     "Traction",
-    "box_area",
+    "between_walls",
     "contact_pressure",
     "force_lines",
     "network",

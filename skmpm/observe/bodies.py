@@ -23,8 +23,6 @@ from skmpm.outline import Outlines
 from skmpm.representation import with_shapes
 from skmpm.scene import Scene, State
 
-MARGIN = 2.0  # mean diameters between the walls and the interior
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PerBody:
@@ -90,14 +88,18 @@ class PerBody:
         return own | {"shape_factor": self.shape_factor, "deviatoric_stress": self.deviatoric_stress}
 
 
-def per_body(scene: Scene, state: State, *, interior: bool) -> PerBody:
-    """Compute the observables of each body."""
+def diameters(scene: Scene) -> Array:
+    """Diameters of the discs of the initial areas of bodies, (bodies,) [m]."""
+    area = np.array([body.points.volume.sum() for body in scene.bodies])
+    return np.asarray(2.0 * np.sqrt(area / np.pi))
+
+
+def per_body(scene: Scene, state: State, counted: Bools) -> PerBody:
+    """Compute the observables of each body, of which some are `counted` (bodies,)."""
     n, start, pairs = len(scene.bodies), scene.offsets[:-1], touching_pairs(state.contacts, scene.cell, state.box)
     boundary, x = scene.outlines, state.x[:, scene.outlines.point]
-    initial = np.array([body.points.volume.sum() for body in scene.bodies])
     volume = np.add.reduceat(state.volume, start)
-    mass, centre = np.add.reduceat(state.mass, start), state.centres
-    diameter = 2.0 * np.sqrt(initial / np.pi)
+    mass, centre, diameter = np.add.reduceat(state.mass, start), state.centres, diameters(scene)
     smooth = outline.curve(boundary, scene.initial_positions[:, boundary.point]).through(x)
     area = np.where(scene.outlined, smooth.area(n), np.nan)
     long, short, angle = outline.dimensions(boundary, x, n)
@@ -105,7 +107,7 @@ def per_body(scene: Scene, state: State, *, interior: bool) -> PerBody:
     length = sums(state.contacts.bodies, contact_lengths(scene, state), n)
     stress = moments(half_branches(state.contacts, centre, np.ones(n, dtype=bool)), 1.0, scene.free_to_turn) / volume
     return PerBody(
-        counted=_counted(scene, state, centre, diameter, interior),
+        counted=counted,
         centre=centre,
         diameter=diameter,
         area=area,
@@ -122,21 +124,6 @@ def per_body(scene: Scene, state: State, *, interior: bool) -> PerBody:
         pressure=-np.trace(stress) / 2.0,
         pressure_points=np.where(scene.deformable, _pressure_points(state, start, volume, mass), np.nan),
     )
-
-
-def away_from_walls(scene: Scene, diameter: Array) -> float:
-    """Return the distance of the interior from the walls [m]; `diameter` (bodies,) of all bodies."""
-    own = diameter[scene.grains]
-    return MARGIN * float(own.mean()) if own.size else np.inf
-
-
-def _counted(scene: Scene, state: State, centre: Array, diameter: Array, interior: bool) -> Bools:
-    if not interior:
-        return scene.grains
-    normal, walls = scene.normals, state.walls.T
-    distance = normal.T @ centre - np.einsum("iw,iw->w", normal, walls)[:, None]
-    inside: Bools = (distance >= away_from_walls(scene, diameter)).all(axis=0)
-    return inside & scene.grains
 
 
 def _isotropic(boundary: Outlines, x: Array, bodies: int) -> Bools:

@@ -9,12 +9,14 @@ import numpy as np
 
 from skmpm import outline
 from skmpm.arrays import Array
-from skmpm.observe.bodies import PerBody, away_from_walls, per_body
+from skmpm.observe.bodies import PerBody, diameters, per_body
 from skmpm.observe.contact_network import half_branches, moments
-from skmpm.observe.regions import Region, area_inside, contains, region, share_inside
+from skmpm.observe.regions import Region, area_inside, between_walls, contains, share_inside
 from skmpm.optional import optional
 from skmpm.representation import line, quantity, table
 from skmpm.scene import Scene, State, check_fits
+
+MARGIN = 2.0  # mean diameters between the walls and the interior
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -157,8 +159,9 @@ def observe(scene: Scene, state: State, *, interior: bool = False) -> Observable
     1.1
     """
     check_fits(scene, state, "observe")
-    bodies = per_body(scene, state, interior=interior)
-    own, box = bodies.counted, _box(scene, state, bodies, interior)
+    box = between_walls(state, MARGIN * float(diameters(scene)[scene.grains].mean()) if interior else 0.0)
+    own = scene.grains & contains(box, state.centres) if interior else scene.grains
+    bodies = per_body(scene, state, own)
     solid, nominal = _fractions(scene, state, bodies, box, interior)
     stress = _stress(scene, state, bodies, box, interior)
     pressure = -float(np.trace(stress)) / 2.0
@@ -180,12 +183,6 @@ def observe(scene: Scene, state: State, *, interior: bool = False) -> Observable
         wall_pressure=walls,
         bodies=bodies,
     )
-
-
-def _box(scene: Scene, state: State, bodies: PerBody, interior: bool) -> Region:
-    normal, point = scene.normals, state.walls.T
-    inner = point + away_from_walls(scene, bodies.diameter) * normal if interior else point
-    return region(normal, inner, state.box)
 
 
 def _fractions(scene: Scene, state: State, bodies: PerBody, box: Region, interior: bool) -> tuple[float, float]:

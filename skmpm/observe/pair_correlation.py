@@ -8,7 +8,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from skmpm.arrays import Array
-from skmpm.observe.regions import contains, region
+from skmpm.observe.bodies import diameters
+from skmpm.observe.regions import between_walls, contains
 from skmpm.outline.images import heights, lattice_vectors
 from skmpm.scene import Scene, SceneError, State, check_fits
 
@@ -67,14 +68,12 @@ def pair_correlation(
     check_bins("pair_correlation", bins, 1.0 if largest is None else largest, remedy)
     own = scene.grains
     if largest is None:
-        area = np.add.reduceat(scene.initial_volumes, scene.offsets[:-1])[own]
-        largest = DIAMETERS * float(2.0 * np.sqrt(area / np.pi).mean())
-    centre, normal = state.centres[:, own], scene.normals
-    inner = region(normal, state.walls.T + largest * normal, state.box)
+        largest = DIAMETERS * float(diameters(scene)[own].mean())
+    centre, inner = state.centres[:, own], between_walls(state, largest)
     every = centre if state.box is None else _images(centre, state.box, largest)
     chosen = contains(inner, centre)
     if not (np.isfinite(inner.area) and chosen.any()):
-        if not np.isfinite(region(normal, state.walls.T, state.box).area):
+        if not np.isfinite(between_walls(state).area):
             raise SceneError(
                 "pair_correlation: no walls or periodic box close the region of the packing; it has no density"
             )

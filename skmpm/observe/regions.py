@@ -44,9 +44,10 @@ def _sides(box: Array) -> tuple[Array, Array]:
     return np.concatenate([across, -across], axis=1), np.concatenate([0.0 * box, box], axis=1)
 
 
-def box_area(state: State) -> float:
-    """Area of the periodic box or of the region between the walls of a state [m2]; nan if it is not closed."""
-    return region(state.wall_normals.T, state.walls.T, state.box).area
+def between_walls(state: State, away: float = 0.0) -> Region:
+    """The region between the walls of a state, at a distance `away` [m] from them, and one period of its box."""
+    normal = state.wall_normals.T
+    return region(normal, state.walls.T + away * normal, state.box)
 
 
 def _lengths(normal: Array, point: Array) -> Array:
