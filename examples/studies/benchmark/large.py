@@ -13,29 +13,11 @@ from time import process_time
 import numpy as np
 
 import skmpm
+from examples.large import GRAVITY, hanging
 
 from .measure import Recorder, peak, timed
 
-RADIUS = 1.0  # [m]
-SPACING = 0.74  # of the points [cells]
-HELD = np.deg2rad(30.0)  # of the boundary, to both sides of its top
-GRAVITY = 9.81  # [m/s2]
 COURANT = 10.0  # cells that a pressure wave crosses in the dynamic step
-
-
-def hanging(points: int, nu: float, seed: int) -> skmpm.Scene:
-    """A disc of about that many points, its centre anywhere in a cell."""
-    spacing = RADIUS * np.sqrt(np.pi / points)
-    cell = spacing / SPACING
-    centre = np.random.default_rng(seed).uniform(0.0, cell, 2)
-
-    def top(x):
-        arm = x - centre[:, None]
-        return (np.hypot(*arm) > (1.0 - 1e-9) * RADIUS) & (arm[1] > np.cos(HELD) * RADIUS)
-
-    disc = skmpm.disc(centre, RADIUS, spacing=spacing)
-    gel = skmpm.LinearElastic(E=10e6, nu=nu, density=990.0)
-    return skmpm.Scene([skmpm.Body(disc, gel)], cell=cell, supports=[skmpm.Support(top)], gravity=(0.0, -GRAVITY))
 
 
 def time_step(scene: skmpm.Scene) -> float:
