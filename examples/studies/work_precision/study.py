@@ -154,17 +154,11 @@ def main(options: argparse.Namespace) -> None:
     there = {name for name in members if (options.out / name).exists()}
     if options.retime:
         members = {again.name: again for again in (repeated(members[name], options.out) for name in there)}
-    found = skmpm.sweep(
-        partial(build, kept=options.out.resolve() / "kept"),
-        {name: member.parameters for name, member in members.items()},
-        out=options.out,
-        processes=options.processes,
-        progress=True,
-    )
+    parameters = {name: member.parameters for name, member in members.items()}
+    found = sweeps.run(partial(build, kept=options.out.resolve() / "kept"), parameters, options)
     for ran in found:
         if ran.name not in there:
             print(described(members[ran.name], ran))
-    print(found)
     page.write(options.out, options.docs)
 
 
