@@ -71,8 +71,6 @@ class Recording(Sequence[Frame]):
     def __init__(self, path: Path) -> None:
         self.path = path
         with open_file(path, "r") as file:
-            if "skmpm/held_points" not in file or "VTKHDF/Steps" not in file:
-                raise ValueError(f"{path}: not a recording; give a file of `record`")
             constants = ("deformable", "boundary_points", "held_points")
             self._constants = {name: file["skmpm"][name][()] for name in constants}
             steps = file["VTKHDF/Steps"]

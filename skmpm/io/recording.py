@@ -148,20 +148,24 @@ class Recorder:
 
 
 def open_file(path: Path, mode: str) -> Any:
-    """An open HDF5 file; ValueError if it is none."""
+    """An open HDF5 file; ValueError if it is to be read or continued and is no recording."""
     h5py = optional("h5py", "read" if mode == "r" else "record", "io")
+    done, remedy = "continued", "record to a new file with append=False"
+    if mode == "r":
+        done, remedy = "read", "give a file of `record`"
     try:
         # No lock: ParaView can read the file while it grows.
-        return h5py.File(path, mode, locking=False)
+        file = h5py.File(path, mode, locking=False)
     except OSError as error:
         if mode == "w":
             raise
         if isinstance(error, FileNotFoundError):
-            raise FileNotFoundError(f"{path}: there is no such file; give a file of `record`") from error
-        done, remedy = "read", "give a file of `record`"
-        if mode == "r+":
-            done, remedy = "continued", "record to a new file with append=False"
+            raise FileNotFoundError(f"{path}: there is no such file; {remedy}") from error
         raise ValueError(f"{path}: cannot be {done} ({error}); {remedy}") from error
+    if mode != "w" and not ("skmpm/held_points" in file and "NSteps" in file.get("VTKHDF/Steps", file).attrs):
+        file.close()
+        raise ValueError(f"{path}: not a recording; {remedy}")
+    return file
 
 
 def _create(file: Any, scene: Scene) -> None:
@@ -187,10 +191,6 @@ def _constants(scene: Scene) -> dict[str, NDArray[Any]]:
 
 
 def _check(path: Path, file: Any, scene: Scene) -> None:
-    """Raise ValueError unless the file is a recording of this scene."""
-    known = _constants(scene)
-    complete = all(name in file for name in ("VTKHDF/Steps", *(f"skmpm/{name}" for name in known)))
-    if not (complete and "NSteps" in file["VTKHDF/Steps"].attrs):
-        raise ValueError(f"{path}: not a recording; record to a new file with append=False")
-    if not all(np.array_equal(file[f"skmpm/{name}"], values) for name, values in known.items()):
+    """Raise ValueError unless the recording is one of this scene."""
+    if not all(np.array_equal(file[f"skmpm/{name}"], values) for name, values in _constants(scene).items()):
         raise ValueError(f"{path}: a recording of another scene; record to a new file with append=False")
