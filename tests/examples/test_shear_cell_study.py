@@ -1,6 +1,7 @@
 """The study of plane shear at small size: balance of its walls, its profile, and the page it writes."""
 
 import shutil
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -30,3 +31,12 @@ def test_a_small_study_and_its_page(tmp_path):
     sweeps.command(study, words=["figures", "--study", str(tmp_path / "out"), "--docs", str(tmp_path)])
     assert (tmp_path / "shear_cell.md").read_text() == page
     assert (tmp_path / "shear_cell" / "shear_cell.png").stat().st_size > 10_000
+
+
+def test_walls_that_bear_nothing_have_no_friction():
+    """Until the load comes down: the page has a line with nan, and the study goes on."""
+    names = ["t", "strain", "dt", "shear_floor", "pressure_floor", "shear_lid", "pressure_lid", "solid_fraction",
+             "height", "overlap", "retries", "seconds"]  # fmt: skip
+    columns = {name: np.zeros(3) for name in names} | {"dt": np.ones(3), "strain": np.array([0.1, 0.2, 0.3])}
+    found = dict(zip(study.HEAD, study.line((0.01, 0.1), [SimpleNamespace(columns=columns)]), strict=True))
+    assert found["μ"] == found["lid over floor, pressure"] == found["lid over floor, shear"] == "nan"

@@ -123,10 +123,15 @@ def means(member: Member) -> dict[str, float]:
     columns = member.columns
     late = np.where(columns["strain"] > min(STEADY, 0.5 * columns["strain"][-1]), columns["dt"], 0.0)
     found = {name: float(np.average(values, weights=late)) for name, values in columns.items()}
-    each = columns["shear_floor"] / found["pressure_floor"]
-    found["ratio"] = found["shear_floor"] / found["pressure_floor"]
+    each = over(columns["shear_floor"], found["pressure_floor"])
+    found["ratio"] = over(found["shear_floor"], found["pressure_floor"])
     found["deviation"] = float(np.sqrt(np.average((each - found["ratio"]) ** 2, weights=late)))
     return found
+
+
+def over(part: Any, whole: float) -> Any:
+    """A part over what a wall bears in the mean; nan where it bears nothing."""
+    return part / whole if whole else np.nan * part
 
 
 def line(point: tuple[float, ...], members: list[Member]) -> tuple[str, ...]:
@@ -145,8 +150,8 @@ def line(point: tuple[float, ...], members: list[Member]) -> tuple[str, ...]:
         f"{mean('deviation'):.2f}",
         f"{mean('solid_fraction'):.3f}",
         f"{mean('height') / D:.2f}",
-        f"{mean('pressure_lid') / mean('pressure_floor'):.3f}",
-        f"{mean('shear_lid') / mean('shear_floor'):.3f}",
+        f"{over(mean('pressure_lid'), mean('pressure_floor')):.3f}",
+        f"{over(mean('shear_lid'), mean('shear_floor')):.3f}",
         f"{100 * max(float(member.columns['overlap'].max()) for member in members):.2g}",
         f"{np.mean(count):.0f}",
         f"{np.mean([member.columns['retries'].sum() for member in members]):.0f}",
