@@ -29,6 +29,7 @@ NEEDS = {
     "von Mises stress": "; the equivalent stress needs `stress_zz` of the materials",
     "plastic strain": "; it needs a material that yields, as ElastoPlastic",
 }
+FROM_ZERO = ("displacement", "speed", "plastic strain")  # are not negative
 NAMES = ", ".join([*UNIT_OF, "body", "fringes"])
 View = tuple[Limits, Limits]
 
@@ -41,6 +42,7 @@ class Field:
     name: str
     unit: str
     order: Array | None = None  # (2, n) of fringes, whose light the values are
+    from_zero: bool = False  # whether colours begin at zero
 
 
 def field_of(
@@ -93,7 +95,8 @@ def _named(seen: Snapshot, name: str) -> Field:
         return Field(None, name, "")
     if name not in UNIT_OF:
         raise ValueError(f"plot: colour = {name!r}; use one of {NAMES}, or an array by point or by body")
-    return Field(seen.fields[name](), "von Mises stress" if name == "mises" else name, UNIT_OF[name])
+    shown = "von Mises stress" if name == "mises" else name
+    return Field(seen.fields[name](), shown, UNIT_OF[name], from_zero=name in FROM_ZERO)
 
 
 def limits_of(seen: Snapshot, fields: Sequence[Field]) -> Limits:
@@ -104,11 +107,7 @@ def limits_of(seen: Snapshot, fields: Sequence[Field]) -> Limits:
     if values.size == 0 or fields[0].order is not None:
         return 0.0, 1.0
     low, high = np.percentile(values, (OUTLIERS, 100.0 - OUTLIERS)).tolist()
-    if (fields[0].unit and -SIGNED * high <= low <= 0.0 <= high) or fields[0].name in (
-        "displacement",
-        "speed",
-        "plastic strain",
-    ):
+    if fields[0].from_zero or (fields[0].unit and -SIGNED * high <= low <= 0.0 <= high):
         low = 0.0
     elif low < 0.0 < high:
         low, high = -max(-low, high), max(-low, high)

@@ -269,7 +269,7 @@ def test_divided_triangles_fill_the_whole_ones_with_linear_values(seed):
 
 def test_signed_values_have_a_map_with_its_middle_at_zero(squeezed):
     scene, (*_, state) = squeezed
-    (mesh,) = drawn(plot(scene, state, np.array([-1.0, 3.0])), TriMesh)
+    (mesh,) = drawn(plot(scene, state, np.array([-1.0, 3.0]), label="displacement"), TriMesh)
     assert mesh.get_clim() == (-3.0, 3.0) and mesh.get_cmap().name == "RdBu_r"
 
 
