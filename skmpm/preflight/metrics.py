@@ -11,8 +11,7 @@ import numpy as np
 
 from skmpm import linear
 from skmpm.arrays import Array, Ints
-from skmpm.grid import BodyGrids, build_grids
-from skmpm.grid.assembly import ghost_facets
+from skmpm.grid import BodyGrids
 from skmpm.linear.band import column_lengths, half_bandwidth
 from skmpm.linear.choice import chosen
 from skmpm.material import Material
@@ -20,7 +19,7 @@ from skmpm.outline.measures import chord_sagitta
 from skmpm.outline.widths import slit_width
 from skmpm.scene import Scene
 from skmpm.scheme import Scheme
-from skmpm.step.derived import derived_data, fitted
+from skmpm.step.derived import derived_data
 from skmpm.step.driven import driven_by_force, prescribed_speeds
 from skmpm.step.equations import LONG
 from skmpm.step.initial_state import initial, initial_motion
@@ -185,22 +184,17 @@ class SceneMetrics:
 
     @cached_property
     def _grid_and_columns(self) -> tuple[BodyGrids, Ints]:
-        """The body grids, and the lengths (nodes,) of the columns of the factor of their matrix, with supports."""
-        scene, x = self.scene, self.scene.initial_positions
-        if scene.supports:
-            return _supported_grid(scene, self.scheme)
-        soft = scene.deformable[scene.owner]
-        inward = scene.inward_normals(x)[:, soft]
-        grid = build_grids(x[:, soft], scene.owner[soft], scene.cell, len(scene.bodies), inward)
-        weights = scene.initial_volumes[soft]
-        if self.scheme.moment_fitting:
-            weights, _ = fitted(scene, grid, weights, x)
-        facets = [ghost_facets(grid, weights)[0]] if self.scheme.ghost else []
-        node = np.arange(grid.nodes)
-        last = node.copy()
-        for nodes in (grid.nodes_of_cell, *facets):
-            np.maximum.at(last, nodes.min(axis=0), nodes.max(axis=0))
-        return grid, 2 * (np.maximum.accumulate(last) - node + 1)
+        """The body grids, and the lengths (nodes,) of the columns of the factor of their matrix.
+
+        Supports eliminate nodes, which couples others and reorders them.
+        """
+        scene = self.scene
+        data = derived_data(scene, self.scheme, scene.initial_positions, scene.initial_volumes)
+        grid, pattern = data.assembly.grid, data.assembly.ghost_data
+        A = data.assembly.matrix(np.random.default_rng(0).random(pattern.shape), 1.0)  # whose entries do not cancel
+        if data.supports is not None:
+            A, _ = data.supports.reduced(A, grid.blocks)
+        return grid, column_lengths(A, grid.blocks)
 
     @property
     def memory(self) -> float:
@@ -225,16 +219,6 @@ class SceneMetrics:
 def disc_radii(scene: Scene) -> Array:
     """Radii of discs of the areas of the bodies, (bodies,) [m]."""
     return np.asarray(np.sqrt(np.bincount(scene.owner, scene.initial_volumes, len(scene.bodies)) / np.pi))
-
-
-def _supported_grid(scene: Scene, scheme: Scheme) -> tuple[BodyGrids, Ints]:
-    """Grids and lengths of columns with supports, whose elimination couples further nodes and reorders them."""
-    data = derived_data(scene, scheme, scene.initial_positions, scene.initial_volumes)
-    grid, pattern = data.assembly.grid, data.assembly.ghost_data
-    A = data.assembly.matrix(np.random.default_rng(0).random(pattern.shape), 1.0)  # whose entries do not cancel
-    if data.supports is not None:
-        A, _ = data.supports.reduced(A, grid.blocks)
-    return grid, column_lengths(A, grid.blocks)
 
 
 def memory_of(points: int, unknowns: int, boundaries: int, width: int, solver: str) -> float:
