@@ -10,7 +10,15 @@ from typing import Any
 import numpy as np
 
 from skmpm.arrays import Array
-from skmpm.material.law import FUNCTIONS, Material, is_linear, poisson_ratio, product, youngs_modulus
+from skmpm.material.law import (
+    FUNCTIONS,
+    Material,
+    is_linear,
+    isotropic_tensor,
+    poisson_ratio,
+    product,
+    youngs_modulus,
+)
 from skmpm.material.memory import InStep, MaterialWithMemory, has_memory, in_step, virgin
 from skmpm.material.requirements import lacking
 
@@ -139,23 +147,18 @@ def check_material(material: Material | MaterialWithMemory) -> str:
 
 def _at_rest(name: str, material: Material) -> str:
     """Stress and energy at F = I, which should be zero, and the tangent, which should be isotropic with `lame`."""
-    (lam, mu), rest, one = material.lame, np.eye(2)[:, :, None], np.eye(2)
+    (lam, mu), rest = material.lame, np.eye(2)[:, :, None]
     at_rest = max(np.abs(material.stress(rest)).max(), np.abs(material.energy(rest)).max()) / (lam + 2.0 * mu)
     if not at_rest <= EXACT:
         raise ValueError(f"{name}: stress or energy at F = I is {at_rest:.2e} of lambda + 2 mu; it should be zero")
-
-    def hooke(lam: float, mu: float) -> Array:
-        C = mu * (np.einsum("ik,jl->ijkl", one, one) + np.einsum("il,jk->ijkl", one, one))
-        return np.asarray(C + lam * np.einsum("ij,kl->ijkl", one, one))[..., None]
-
     C = np.asarray(material.tangent(rest))
     own = float(C[0, 0, 1, 1, 0]), float(C[0, 1, 0, 1, 0])
     found = f"that of lambda = {own[0]:.6g}, mu = {own[1]:.6g} Pa; give these"
-    if not np.abs(C - hooke(*own)).max() <= 1e-6 * np.abs(C).max():
+    if not np.abs(C - isotropic_tensor(*own)).max() <= 1e-6 * np.abs(C).max():
         entries = f"{C[0, 0, 0, 0, 0]:.6g}, {C[1, 1, 1, 1, 0]:.6g}, {own[0]:.6g}, {own[1]:.6g} Pa"
         found = f"not isotropic (C_xxxx, C_yyyy, C_xxyy, C_xyxy = {entries}); use a law that is isotropic at F = I"
     remedy = f"lame = ({lam:.6g}, {mu:.6g}) Pa, and the tangent there is {found}"
-    off = _compared(name, "lame and the tangent at F = I", hooke(lam, mu), C, rest, 1e-6, remedy)
+    off = _compared(name, "lame and the tangent at F = I", isotropic_tensor(lam, mu), C, rest, 1e-6, remedy)
     return f"no stress and no energy at rest; lame is the tangent there: to {off:.1e}"
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from skmpm.arrays import Array
 from skmpm.compiled import compiled_in_order
-from skmpm.material.law import Isotropic, determinant
+from skmpm.material.law import Isotropic, determinant, isotropic_tensor
 
 
 @dataclass(frozen=True)
@@ -63,11 +63,7 @@ class LinearElastic(Isotropic):
 
     def tangent(self, F: Array) -> Array:
         """The elastic tensor C at every point, (2, 2, 2, 2, n) [Pa]."""
-        lam, mu = self.lame
-        one = np.eye(2)
-        C = mu * (np.einsum("ik,jl->ijkl", one, one) + np.einsum("il,jk->ijkl", one, one))
-        C += lam * np.einsum("ij,kl->ijkl", one, one)
-        return np.broadcast_to(C[..., None], (2, 2, 2, 2, F.shape[-1]))
+        return np.broadcast_to(isotropic_tensor(*self.lame), (2, 2, 2, 2, F.shape[-1]))
 
 
 @dataclass(frozen=True)

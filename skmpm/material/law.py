@@ -106,6 +106,13 @@ def bounded_modulus(material: Material) -> float:
     return min(lam + 2.0 * mu, 10.0 * mu)
 
 
+def isotropic_tensor(lam: float, mu: float) -> Array:
+    """The elastic tensor of two Lame constants, lambda d_ij d_kl + mu (d_ik d_jl + d_il d_jk), (2, 2, 2, 2, 1)."""
+    one = np.eye(2)
+    C = mu * (np.einsum("ik,jl->ijkl", one, one) + np.einsum("il,jk->ijkl", one, one))
+    return np.asarray(C + lam * np.einsum("ij,kl->ijkl", one, one))[..., None]
+
+
 def determinant(F: Array) -> Array:
     """Determinants (n,) of (2, 2, n)."""
     return np.asarray(F[0, 0] * F[1, 1] - F[0, 1] * F[1, 0])

@@ -13,10 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skmpm.arrays import Array
-from skmpm.material.law import determinant, inverse, product
-
-# I_sym of entries 2 i + I: from F to sym F.
-SYMMETRIC = np.array([[2, 0, 0, 0], [0, 1, 1, 0], [0, 1, 1, 0], [0, 0, 0, 2]]) / 2.0
+from skmpm.material.law import determinant, inverse, isotropic_tensor, product
 
 
 @dataclass(frozen=True)
@@ -45,8 +42,7 @@ class Viscous:
         """Derivative of `stress`, (2, 2, 2, 2, n) [Pa]."""
         n = F.shape[-1]
         if self.linear:
-            C = self.resistance * SYMMETRIC.reshape(2, 2, 2, 2, 1)
-            return np.broadcast_to(C, (2, 2, 2, 2, n))
+            return np.broadcast_to(isotropic_tensor(0.0, 0.5 * self.resistance), (2, 2, 2, 2, n))
         change, volume = self._change(F)
         back, scale, one = inverse(self.start), self.resistance * volume, np.eye(2)
         G = product(F, back)
