@@ -1,5 +1,6 @@
 """Initial packings of rigid discs and other convex shapes."""
 
-from skmpm.packing.generator import Packing, PackingError, packing
+from skmpm.packing.checks import PackingError
+from skmpm.packing.generator import Packing, packing
 
 __all__ = ["Packing", "PackingError", "packing"]

@@ -10,9 +10,10 @@ from numpy.typing import ArrayLike
 
 from skmpm.arrays import Array, Bools
 from skmpm.linear.solver import one_thread
-from skmpm.packing import discs, shapes
+from skmpm.packing import checks, discs, shapes
+from skmpm.packing.checks import PackingError
 from skmpm.points import Points
-from skmpm.values import SceneError, not_negative
+from skmpm.values import LENGTH, not_negative, positive
 
 _GROWTH = 0.04  # largest and smallest growth per step; where the smallest is too large the discs are jammed
 _LEAST_GROWTH = 2e-4
@@ -23,24 +24,6 @@ _ATTEMPTED_DISCS = 250
 _ATTEMPTED_SHAPES = 20  # slower, and few shapes jam less than few discs
 _SHAKES = 4  # random displacements to leave a jammed state ...
 _SHAKE = 0.05  # ... and their size [mean radius]
-_HEXAGONAL, _SQUARE = np.pi / np.sqrt(12.0), np.pi / 4.0
-# Solid fraction at which many equal discs jam, layer that a wall costs [mean radius], and excess of the densest
-# of 500 packings, times the root of the number of discs; in narrower boxes lattices may fit [mean radius].
-_JAMMED, _LAYER, _EXCESS, _NARROW = 0.84, 0.3, 0.35, 8.0
-
-
-class PackingError(ValueError):
-    """The discs or shapes cannot be packed with the requested solid fraction or box.
-
-    Examples
-    --------
-    >>> import skmpm
-    >>> try:
-    ...     skmpm.packing([1e-3, 1e-3], width=5e-3, solid_fraction=0.99)
-    ... except skmpm.PackingError as error:
-    ...     print(str(error))
-    solid_fraction 0.99 must lie between 0 and 0.9069; discs jam near 0.84
-    """
 
 
 @dataclass(frozen=True)
@@ -149,18 +132,19 @@ def packing(
     if along.dtype != np.bool_ or along.shape not in ((), (2,)):
         raise PackingError(f"periodic = {periodic!r}: give True, False, or two of them, for width and height")
     along = np.broadcast_to(along, 2)
-    given = {"width": width, "solid_fraction": solid_fraction, "friction": friction}
-    width, solid_fraction, friction = (_number(*each) for each in given.items())
+    width = checks.number(positive, "width", width, LENGTH)
+    given = {"solid_fraction": solid_fraction, "friction": friction}
+    solid_fraction, friction = (checks.number(not_negative, *each, "a finite number") for each in given.items())
     if isinstance(shapes, Sequence) and len(shapes) and all(isinstance(shape, Points) for shape in shapes):
         return _of_shapes(shapes, width, solid_fraction, friction, along, seed)  # type: ignore[arg-type]
-    R = np.array(_numbers(shapes), dtype=float)
-    _check(R, width, solid_fraction)
+    R = checks.radii(shapes)
+    checks.check_bodies(R, solid_fraction, most=checks.HEXAGONAL)
     unit = R.mean()
     scaled = np.round(R / unit, 10)  # so that rounding in other units of length cannot change the packing
     height = float(np.pi * (R**2).sum() / (width * solid_fraction))
     box = discs.Box(np.round([width / unit, height / unit], 10), along)
-    _check_room(box, unit, 2.0 * scaled.max(), "disc")
-    _check_reachable(scaled, box, solid_fraction)
+    checks.check_room(box, unit, 2.0 * scaled.max(), "disc")
+    checks.check_reachable(scaled, box, solid_fraction)
     rng = np.random.default_rng(seed)
 
     def move(x: Array, size: float, tolerance: float) -> Array | None:
@@ -177,7 +161,7 @@ def _of_shapes(
     """A packing of shapes: positions and angles (3, N)."""
     area = np.array([cloud.volume.sum() for cloud in clouds])
     R = np.sqrt(area / np.pi)
-    _check(R, width, solid_fraction, most=1.0)
+    checks.check_bodies(R, solid_fraction, most=1.0)
     unit = R.mean()
     try:
         forms = shapes.shapes_of(clouds, unit)
@@ -185,7 +169,7 @@ def _of_shapes(
         raise PackingError(f"shapes: {error}") from error
     height = float(area.sum() / (width * solid_fraction))
     rng, box = np.random.default_rng(seed), discs.Box(np.round([width / unit, height / unit], 10), periodic)
-    _check_room(box, unit, 2.0 * forms.inside.max(), "shape")
+    checks.check_room(box, unit, 2.0 * forms.inside.max(), "shape")
     if box.size[periodic].min(initial=np.inf) < 4.0 * forms.reach.max():
         raise PackingError(
             f"the periodic box is {width:g} x {height:g} m, less than twice the largest shape, which is up to"
@@ -224,38 +208,9 @@ def _attempt(
         if size >= 1.0:
             return x
     raise PackingError(
-        f"the {what} jam at a solid fraction of {solid_fraction * size**2:.4f}, "
-        f"below the requested {solid_fraction:g}; lower solid_fraction or friction, try another seed, {_denser(box)}"
+        f"the {what} jam at a solid fraction of {solid_fraction * size**2:.4f}, below the requested"
+        f" {solid_fraction:g}; lower solid_fraction or friction, try another seed, {checks.denser(box)}"
     )
-
-
-def _check_reachable(R: Array, box: discs.Box, solid_fraction: float) -> None:
-    """Raise PackingError if discs of radii R (N,) [mean radius] between walls will jam below a solid fraction.
-
-    Boxes in which lattices may fit are tried: periodic and narrow ones, and all up to the fraction of a square one.
-    """
-    jam = _jams_at(R, box)
-    fit = box.periodic.any() or box.size.min() < _NARROW or solid_fraction <= _SQUARE
-    if not fit and solid_fraction > jam + _EXCESS / np.sqrt(R.size):
-        raise PackingError(
-            f"{R.size} discs between walls jam at a solid fraction of about {jam:.2f}, below the requested"
-            f" {solid_fraction:g}; lower solid_fraction, {_denser(box)}"
-        )
-
-
-def _denser(box: discs.Box) -> str:
-    """How to reach a higher solid fraction."""
-    return ("" if box.periodic.all() else "use periodic=True, ") + "or compress soft bodies further by moving walls"
-
-
-def _jams_at(R: Array, box: discs.Box) -> float:
-    """Estimate the solid fraction at which discs of radii R (N,) [mean radius] jam in a box.
-
-    The more their radii vary, the more small discs fill the pores between large ones.
-    """
-    spread = float(R.var())
-    jam = _JAMMED + _JAMMED * (1.0 - _JAMMED) * spread / (1.0 + spread)
-    return jam * float(np.prod((1.0 - 2.0 * _LAYER / box.size)[~box.periodic]))
 
 
 def _grow(x: Array, separate: Separate, limit: float, rng: np.random.Generator) -> tuple[Array, float]:
@@ -278,43 +233,3 @@ def _grow(x: Array, separate: Separate, limit: float, rng: np.random.Generator) 
         else:
             break
     return x, best
-
-
-def _numbers(shapes: object) -> ArrayLike:
-    """Radii; PackingError for anything that is neither numbers nor a list of `Points`."""
-    try:
-        return np.asarray(shapes, dtype=float)
-    except (TypeError, ValueError):
-        what = type(shapes).__name__
-        if isinstance(shapes, Sequence):
-            kinds = dict.fromkeys(type(shape).__name__ for shape in shapes)
-            what = f"a list of {' and '.join(kinds)}"
-        raise PackingError(f"shapes: expected radii in metres, or a list of skmpm.Points, got {what}") from None
-
-
-def _check_room(box: discs.Box, unit: float, thick: float, kind: str) -> None:
-    if thick >= box.size.min():
-        size, bodies = " x ".join(f"{unit * side:.4g}" for side in box.size), f"{kind} is {unit * thick:.4g} m thick"
-        raise PackingError(
-            f"the box is {size} m, the largest {bodies}; change the width, lower solid_fraction or use more {kind}s"
-        )
-
-
-def _number(name: str, value: object) -> float:
-    try:
-        return not_negative(name, value, "a finite number")
-    except SceneError as error:
-        raise PackingError(str(error)) from None
-
-
-def _check(R: Array, width: float, solid_fraction: float, most: float = _HEXAGONAL) -> None:
-    if R.ndim != 1 or not R.size or not np.isfinite(R).all() or R.min() <= 0.0:
-        bad = R[~(R > 0.0) | np.isinf(R)]
-        found = f"radius {bad[0]:g} m" if bad.size else f"an array of shape {R.shape}"
-        raise PackingError(f"radii: {found}; give an array (N,) of finite numbers above zero")
-    if not 0.0 < solid_fraction < most:
-        raise PackingError(
-            f"solid_fraction {solid_fraction:g} must lie between 0 and {most:.4g}; discs jam near 0.84"
-        )
-    if not width > 2.0 * R.max():
-        raise PackingError(f"width {width:g} m must exceed the largest diameter, {2.0 * R.max():g} m")

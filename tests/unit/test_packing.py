@@ -13,7 +13,7 @@ import pytest
 from scipy.spatial.distance import pdist
 
 from skmpm.observe import observe
-from skmpm.packing import Packing, PackingError, generator, packing
+from skmpm.packing import Packing, PackingError, checks, generator, packing
 from skmpm.packing.discs import Box, contacts_of, rows, scatter, separate
 
 
@@ -103,7 +103,7 @@ def jam(R, solid_fraction, periodic, seed):
     box = Box(np.full(2, np.sqrt(np.pi * (R**2).sum() / solid_fraction)), np.full(2, periodic))
     rng = np.random.default_rng(seed)
     _, size = generator._grow(scatter(R, box, rng), partial(grown, R=R, box=box), 1.0, rng)
-    return solid_fraction * size**2, generator._jams_at(R, box)
+    return solid_fraction * size**2, checks.jams_at(R, box)
 
 
 def grown(x, size, tolerance, R, box):
@@ -140,10 +140,10 @@ def test_what_jams_before_is_refused_at_once(count, solid_fraction, jammed):
 def test_crystals_are_not_refused(count):
     """Equal discs fill a square box up to pi / 4 on a lattice, narrow ones in rows, periodic ones up to 0.9069."""
     size = 2.0 * np.sqrt(count) * np.ones(2)
-    generator._check_reachable(np.ones(count), Box(size, np.full(2, False)), 0.785)
+    checks.check_reachable(np.ones(count), Box(size, np.full(2, False)), 0.785)
     rows = np.array([2.0 + np.sqrt(3.0), count + 1.0])  # two, staggered
-    generator._check_reachable(np.ones(count), Box(rows, np.full(2, False)), 0.84)
-    generator._check_reachable(np.ones(count), Box(size, np.full(2, True)), 0.9)
+    checks.check_reachable(np.ones(count), Box(rows, np.full(2, False)), 0.84)
+    checks.check_reachable(np.ones(count), Box(size, np.full(2, True)), 0.9)
 
 
 def test_soft_discs_are_packed_more_densely_by_walls():
@@ -155,7 +155,7 @@ def test_soft_discs_are_packed_more_densely_by_walls():
     sides = found["dense"].walls[[3, 0], [0, 1]]
     assert found["solid"] / sides.prod() == pytest.approx(0.82)
     R = found["radii"]
-    rigid = generator._jams_at(R / R.mean(), Box(sides / R.mean(), np.full(2, False)))
+    rigid = checks.jams_at(R / R.mean(), Box(sides / R.mean(), np.full(2, False)))
     assert seen.pressure_walls > 0.0 and seen.solid_fraction > 0.78 > rigid + 0.05
 
 
@@ -213,7 +213,8 @@ def test_friction_jams_earlier(monkeypatch):
         ({"solid_fraction": 0.95}, r"solid_fraction 0\.95 must lie"),
         ({"solid_fraction": np.nan}, "solid_fraction = nan; give a finite number of zero or more"),
         ({"solid_fraction": 0.0}, "solid_fraction 0 must lie"),
-        ({"width": 2e-3}, r"width 0\.002 m must exceed"),
+        ({"width": 2e-3}, r"the box is 0\.002 x .* m, the largest disc is 0\.002 m thick"),
+        ({"width": 0.0}, r"width = 0\.0; give a length in metres, greater than zero"),
         ({"width": 1.0}, "largest disc"),
         ({"friction": -0.1}, r"friction = -0\.1; give a finite number of zero or more"),
         ({"width": "8e-3"}, "width = '8e-3' is not a number"),

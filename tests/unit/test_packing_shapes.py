@@ -157,6 +157,15 @@ def test_shapes_thicker_than_their_box_are_refused_at_once():
         packing(rods, width=1.0, solid_fraction=0.5)
 
 
+def test_rods_fit_in_a_box_narrower_than_discs_of_their_areas():
+    """Ten of 3.2 x 0.8, whose discs are 1.7 across, in a width of 1.6: their angles adapt."""
+    rods = [capsule((0.0, 0.0), 2.4 * R, 0.4 * R, spacing=SPACING)] * 10
+    packed = packing(rods, width=1.6 * R, solid_fraction=0.35)
+    ends = np.concatenate([points.x[0, points.outline[0]] for points in packed.points])
+    assert 2.0 * packed.radii.max() > packed.width
+    assert ends.min() > -1e-5 * R and ends.max() < packed.width + 1e-5 * R
+
+
 def test_discs_never_enter_the_code_of_shapes(monkeypatch):
     monkeypatch.setattr(sys.modules["skmpm.packing.shapes"], "separate", None)
     assert packing(np.full(10, R), 8 * R, solid_fraction=0.5).points == ()
