@@ -19,12 +19,11 @@ from skmpm.outline.widths import inclined_thickness
 from skmpm.points import Points
 from skmpm.preflight.metrics import SceneMetrics, disc_radii
 from skmpm.preflight.sampling import stress_errors
-from skmpm.scene import TOUCHING, functions_of_time
+from skmpm.scene import TOUCHING, varies_in_time
 from skmpm.step.driven import driven_by_force, prescribed_speeds
 from skmpm.step.initial_state import initial_motion
 from skmpm.step.regrid import torn_bodies
 from skmpm.step.scene_forces import has_gravity
-from skmpm.stepping.functions_of_time import FunctionsOfTime
 from skmpm.stepping.loading import gravity_of
 
 CONFINED_POINTS = 3.5  # per cell; half a cell apart they are four, less a tenth at the boundary
@@ -102,8 +101,7 @@ def _left_alone(m: SceneMetrics) -> bool:
     """Whether bodies are at rest, and at most constant gravity and constant given motions act on them."""
     scene = m.scene
     forces = scene.loads or scene.springs or m.cohesion > 0.0 or any(driven_by_force(scene))
-    functions = callable(scene.gravity) or any(functions_of_time(scene))
-    return not (forces or functions) and m.at_rest
+    return not (forces or varies_in_time(scene)) and m.at_rest
 
 
 def inclined_parts(m: SceneMetrics) -> Reading:
@@ -128,7 +126,7 @@ def waves(m: SceneMetrics) -> Reading | None:
 
     Functions of time without the end of the run do not tell whether it must.
     """
-    known = m.until is not None or FunctionsOfTime.in_run(m.scene, m.scheme.theta, m.times).none
+    known = m.until is not None or not varies_in_time(m.scene)
     needed = not m.chosen and m.scheme.inertia and m.loading.waves and known
     return Reading(["step"], m.courant, scale=m.dt) if needed else None
 

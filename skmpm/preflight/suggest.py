@@ -17,11 +17,11 @@ from skmpm.preflight.limits import LIMITS
 from skmpm.preflight.metrics import disc_radii
 from skmpm.preflight.quantities import ceiled, shares_cells
 from skmpm.representation import line, quantity
-from skmpm.scene import Body, Scene, check_scene
+from skmpm.scene import Body, Scene, check_scene, varies_in_time
 from skmpm.scheme import Scheme
 from skmpm.step.algorithm import SHORTEST, check_time
 from skmpm.step.initial_state import check_scheme
-from skmpm.stepping.functions_of_time import TIMES, FunctionsOfTime
+from skmpm.stepping.functions_of_time import TIMES
 from skmpm.stepping.loading import Loading, loading_of, several, smallest_radii
 from skmpm.stepping.step_length import MAX_APPROACH, STROKE
 
@@ -197,7 +197,7 @@ def suggest(
 def _times(scene: Scene, until: float | None) -> Array:
     """Times of a run at which functions of time are evaluated [s]."""
     if until is None:
-        if not FunctionsOfTime.in_run(scene, 1.0, np.zeros(1)).none:
+        if varies_in_time(scene):
             raise ValueError("suggest: the scene has functions of time; give until, the end of the run in seconds")
         return np.zeros(1)
     check_time("suggest: until", until, SHORTEST, "the end of the run")

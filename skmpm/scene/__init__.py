@@ -2,7 +2,7 @@
 
 from skmpm.scene.check import MAX_OVERLAP, TOUCHING, check_walls_at_start, overlaps
 from skmpm.scene.fits import check_fits, check_initial_positions, check_scene
-from skmpm.scene.functions import DISPLACEMENT, LOAD, VELOCITY, functions_of_time
+from skmpm.scene.functions import DISPLACEMENT, LOAD, VELOCITY, functions_of_time, varies_in_time
 from skmpm.scene.layout import material_at
 from skmpm.scene.model import initial_internal, plastic_strain
 from skmpm.scene.objects import Body, Load, Pressure, Spring, Support, Wall, rigid_motion
@@ -86,6 +86,7 @@ __all__ = [
     "support_angle",
     "support_arms",
     "support_rotations",
+    "varies_in_time",
     "velocity_at",
     "view_of",
     "wall_lines",

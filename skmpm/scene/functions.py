@@ -34,3 +34,8 @@ def functions_of_time(scene: Layout) -> Iterator[tuple[object, str, Callable[[fl
         for what, kind in may_be_functions(part).items():
             if kind != POSITIONS and callable(f := getattr(part, what)):
                 yield part, kind, f
+
+
+def varies_in_time(scene: Layout) -> bool:
+    """Whether a scene has functions of time, gravity included."""
+    return callable(scene.gravity) or any(functions_of_time(scene))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from skmpm.arrays import Array
 from skmpm.material import is_linear, viscosity_of
 from skmpm.observe import wetted_segments
-from skmpm.scene import Scene, State, functions_of_time, gravity_at, stiffness_of
+from skmpm.scene import Scene, State, gravity_at, stiffness_of, varies_in_time
 from skmpm.scheme import Scheme
 from skmpm.step.driven import prescribed_speeds
 from skmpm.step.forces import Bars, Beds, DeadLoad, FollowerPressure, ViscousBulk
@@ -77,7 +77,7 @@ def equilibrium_depends_on_dt(scene: Scene) -> bool:
     They do if a load or a prescribed velocity is a function of time, if anything is prescribed to move, or if a
     material is viscous (resistance 2 eta / dt). Otherwise steps of all lengths have the same solutions.
     """
-    if callable(scene.gravity) or any(functions_of_time(scene)) or _viscous(scene):
+    if varies_in_time(scene) or _viscous(scene):
         return True
     return any(speed > 0.0 for _, speed in prescribed_speeds(scene))
 
