@@ -85,7 +85,7 @@ def with_fluids(scene: Scene, state: State, t: float) -> State:
 
 
 def _penetrating(scene: Scene) -> list[bool]:
-    return [pressure.penetrates for pressure in scene.pressures]
+    return [pressure.penetrates for pressure in scene.pressures.values()]
 
 
 def _known(scene: Scene, state: State) -> Bools:

@@ -159,17 +159,15 @@ def _check_not_empty(name: str, scene: Model, chosen: PointSet, bodies: Bools, w
 
 def check_loads(scene: Model) -> None:
     """Raise SceneError for the first error in the loads."""
-    for i, load in enumerate(scene.loads):
-        if isinstance(load, Pressure) and load.penetrates not in (False, True):
-            raise SceneError(f"load {i}: penetrates = {load.penetrates!r}; use True or False")
+    for i, pressure in scene.pressures.items():
+        if pressure.penetrates not in (False, True):
+            raise SceneError(f"load {i}: penetrates = {pressure.penetrates!r}; use True or False")
     scene.forces(0.0)
     scene.pressure_values(0.0)
-    dead = [i for i, load in enumerate(scene.loads) if isinstance(load, Load)]
-    for i, loaded in zip(dead, scene.loaded, strict=True):
+    for i, loaded in zip(scene.dead_loads, scene.loaded, strict=True):
         hint = "; a body whose motion is prescribed bears no load: leave the load out"
         _check_not_empty(f"load {i}: where", scene, loaded, scene.movable, "body that forces move", hint)
-    following = [i for i, load in enumerate(scene.loads) if isinstance(load, Pressure)]
-    for i, segments in zip(following, scene.pressed, strict=True):
+    for i, segments in zip(scene.pressures, scene.pressed, strict=True):
         if segments.size == 0:
             raise SceneError(
                 f"load {i}: where is true at no two neighbouring boundary points of a deformable body, between which"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -160,38 +160,35 @@ class Model(Layout):
         return found
 
     @cached_property
-    def dead_loads(self) -> Sequence[Load]:
-        """The loads that keep their direction."""
-        return tuple(load for load in self.loads if isinstance(load, Load))
+    def dead_loads(self) -> Mapping[int, Load]:
+        """The loads that keep their direction, by their numbers."""
+        return {i: load for i, load in enumerate(self.loads) if isinstance(load, Load)}
 
     def forces(self, t: float) -> Array:
         """The dead loads at time t, (dead loads, 2) [N/m]; SceneError if one is not finite."""
-        loads = enumerate(self.loads)
-        each = [motion(load.force, t, f"load {i}: force") for i, load in loads if isinstance(load, Load)]
+        each = [motion(load.force, t, f"load {i}: force") for i, load in self.dead_loads.items()]
         return np.array(each).reshape(-1, 2)
 
     @cached_property
     def loaded(self) -> Sequence[PointSet]:
         """The points that share each dead load."""
-        where = {f"load {i}: where": load.where for i, load in enumerate(self.loads) if isinstance(load, Load)}
-        return tuple(points_with_shares(self, name, chosen, self.movable) for name, chosen in where.items())
+        loads = self.dead_loads.items()
+        return tuple(points_with_shares(self, f"load {i}: where", load.where, self.movable) for i, load in loads)
 
     @cached_property
-    def pressures(self) -> Sequence[Pressure]:
-        """The loads that follow the boundary."""
-        return tuple(load for load in self.loads if isinstance(load, Pressure))
+    def pressures(self) -> Mapping[int, Pressure]:
+        """The loads that follow the boundary, by their numbers."""
+        return {i: load for i, load in enumerate(self.loads) if isinstance(load, Pressure)}
 
     def pressure_values(self, t: float) -> Array:
         """The pressures at time t, (pressures,) [Pa]; SceneError if one is not finite."""
-        loads = enumerate(self.loads)
-        each = [scalar(load.value, t, f"load {i}: value") for i, load in loads if isinstance(load, Pressure)]
+        each = [scalar(load.value, t, f"load {i}: value") for i, load in self.pressures.items()]
         return np.array(each, dtype=float)
 
     @cached_property
     def pressed(self) -> Sequence[Ints]:
         """The boundary points at which the segments begin that each pressure acts on."""
-        each = enumerate(self.loads)
-        return tuple(pressed_segments(self, i, load) for i, load in each if isinstance(load, Pressure))
+        return tuple(pressed_segments(self, i, pressure) for i, pressure in self.pressures.items())
 
     @cached_property
     def sprung(self) -> Sequence[Ends]:

@@ -158,7 +158,7 @@ def at_rest(scene: Scene, state: State) -> State:
 
 def _wetted(scene: Scene, state: State, new_scene: Scene) -> Bools:
     """What the pressures of the new scene wet: those of the old one the same, others nothing yet."""
-    old, new = scene.pressures, new_scene.pressures
+    old, new = (list(each.pressures.values()) for each in (scene, new_scene))
     if state.wetted.shape != (len(old), new_scene.outlines.size):
         return np.zeros((0, 0), dtype=bool)
     dry = np.zeros(new_scene.outlines.size, dtype=bool)
