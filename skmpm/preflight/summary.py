@@ -17,7 +17,7 @@ from skmpm.scene import Scene, check_scene, check_walls_at_start
 from skmpm.scheme import Scheme
 from skmpm.step.algorithm import SHORTEST, check_time
 from skmpm.step.driven_walls import check_driven
-from skmpm.step.initial_state import check_cohesion, check_scheme
+from skmpm.step.initial_state import check_contact, check_scheme
 from skmpm.stepping.step_length import Pace, pace_of
 
 
@@ -194,9 +194,9 @@ def preflight(
         check_time("preflight: dt", dt, SHORTEST, "None for chosen steps, or a time step greater than zero")
     if until is not None:
         check_time("preflight: until", until, SHORTEST, "the time to stop at")
-    check_cohesion("preflight", scene, scheme)
+    check_contact("preflight", scene, scheme)
     check_walls_at_start(scene)
-    check_driven("preflight", scene, scheme)
+    check_driven("preflight", scene)
     if scene.can_touch and not acts_at_grid_nodes(scheme.contact):
         check_outlines(scene)
     if dt is None:

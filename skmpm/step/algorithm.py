@@ -27,7 +27,7 @@ from skmpm.step.equations import Increment
 from skmpm.step.errors import StepRejected
 from skmpm.step.factor import Factor, take
 from skmpm.step.gauge import gauge_condition
-from skmpm.step.initial_state import check_cohesion, check_scheme, touches
+from skmpm.step.initial_state import check_contact, check_scheme, touches
 from skmpm.step.new_state import contacts_of, end_state
 from skmpm.step.newton import Solution, advance
 from skmpm.step.no_equilibrium import round_the_edge
@@ -82,8 +82,8 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     """
     check_scheme("step", scheme)
     check_fits(scene, state, "step")
-    check_cohesion("step", scene, scheme)
-    check_driven("step", scene, scheme)
+    check_contact("step", scene, scheme)
+    check_driven("step", scene)
     check_time("step: dt", dt, SHORTEST, "a time step greater than zero")
     timer, start = Timer(), state
     state, regridded = regridded_state(scene, start, scheme)

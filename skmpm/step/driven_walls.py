@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skmpm.arrays import Array
-from skmpm.contact import Constraints, acts_at_grid_nodes
+from skmpm.contact import Constraints
 from skmpm.observe.regions import region
 from skmpm.scene import (
     PrescribedVelocities,
@@ -18,7 +18,6 @@ from skmpm.scene import (
     normal_speeds,
     with_normal_speeds,
 )
-from skmpm.scheme import Scheme
 from skmpm.step.scalar_unknowns import Entries, Interval, Unknowns
 
 
@@ -27,15 +26,8 @@ def driving_forces(scene: Scene, walls: Array, t: float) -> Array:
     return scene.driving_forces(t, region(scene.normals, walls.T, scene.initial_box).length)
 
 
-def check_driven(name: str, scene: Scene, scheme: Scheme) -> None:
-    """Raise SceneError if a scheme cannot drive walls, or a pressure acts on a side that is not closed."""
-    if (scene.has_scalar_unknowns or scene.periodic is not None) and acts_at_grid_nodes(scheme.contact):
-        what = "the box is periodic"
-        if scene.free_rigid.size:
-            what = f"body {scene.free_rigid[0]} is a free rigid body"
-        if scene.driven_walls.size:
-            what = f"wall {scene.driven_walls[0]} is driven by a force"
-        raise SceneError(f"{name}: {what}, which contact = shared_grid cannot; use point_to_curve")
+def check_driven(name: str, scene: Scene) -> None:
+    """Raise SceneError if a pressure acts on a side that is not closed."""
     if scene.driven_walls.size == 0:
         return
     length = region(scene.normals, scene.wall_points.T, scene.initial_box).length

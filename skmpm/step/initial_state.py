@@ -64,8 +64,8 @@ def initial(scene: Scene, *, scheme: Scheme = Scheme()) -> State:  # noqa: B008
     """
     check_scene("initial", scene)
     check_scheme("initial", scheme)
-    check_cohesion("initial", scene, scheme)
-    check_driven("initial", scene, scheme)
+    check_contact("initial", scene, scheme)
+    check_driven("initial", scene)
     check_walls_at_start(scene)
     x, volume = scene.initial_positions.copy(), scene.initial_volumes.copy()
     body = scene.owner.copy()
@@ -142,12 +142,17 @@ def check_scheme(name: str, scheme: object) -> None:
         raise ValueError(f"{name}: scheme = {scheme!r}; give a Scheme, as skmpm.Scheme.fast()")
 
 
-def check_cohesion(name: str, scene: Scene, scheme: Scheme) -> None:
-    """Raise SceneError if cohesion is requested of contacts at shared grid nodes, which have no length."""
-    if scene.cohesive and acts_at_grid_nodes(scheme.contact):
+def check_contact(name: str, scene: Scene, scheme: Scheme) -> None:
+    """Raise SceneError if a scene has what contacts at shared grid nodes cannot."""
+    if not acts_at_grid_nodes(scheme.contact):
+        return
+    found = ["the scene has cohesion"] if scene.cohesive else []
+    found += [f"wall {i} is driven by a force" for i in scene.driven_walls]
+    found += [f"body {b} is a free rigid body" for b in scene.free_rigid]
+    found += ["the box is periodic"] if scene.periodic is not None else []
+    if found:
         raise SceneError(
-            f"{name}: the scene has cohesion, which contacts at shared grid nodes do not know;"
-            " use Scheme(contact=contact.point_to_curve) or cohesion = 0"
+            f"{name}: {found[0]}, which contact = shared_grid cannot; use Scheme(contact=contact.point_to_curve)"
         )
 
 

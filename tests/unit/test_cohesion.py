@@ -400,7 +400,9 @@ def test_contact_at_shared_grid_nodes_refuses_cohesion():
         lambda: step(scene, plain, 1e-3, scheme=scheme),
         lambda: preflight(scene, 1e-3, scheme=scheme),
     ):
-        with pytest.raises(SceneError, match="contacts at shared grid nodes do not know; use Scheme"):
+        with pytest.raises(
+            SceneError, match="the scene has cohesion, which contact = shared_grid cannot; use Scheme"
+        ):
             call()
 
 

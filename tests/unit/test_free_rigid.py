@@ -210,7 +210,7 @@ def test_bad_input_is_refused(options, message):
 
 def test_contact_at_shared_nodes_is_refused():
     bodies = [skmpm.Body(skmpm.disc((0.0, R), R, spacing=R / 6), RIGID), FAR]
-    message = "initial: body 0 is a free rigid body, which contact = shared_grid cannot; use point_to_curve"
+    message = "initial: body 0 is a free rigid body, which contact = shared_grid cannot; use Scheme"
     with pytest.raises(skmpm.SceneError, match=re.escape(message)):
         skmpm.initial(scene(bodies), scheme=skmpm.Scheme.nezamabadi2017())
 
