@@ -110,8 +110,7 @@ class Bulk(Term):
 
     def energy(self, configuration: Configuration) -> float:
         """Strain energy and ghost penalty [J/m]; inf where a point is inverted (J <= 0)."""
-        known = configuration.energy if configuration.bulk is self else None
-        return self.energy_anew(configuration) if known is None else known
+        return configuration.energy
 
     def energy_anew(self, configuration: Configuration) -> float:
         """`energy`, evaluated: the configuration keeps it."""
@@ -291,8 +290,8 @@ class Bulk(Term):
 
     def _by_group(self, configuration: Configuration) -> list[tuple[Group, Array | None, Response | None]]:
         """The points by material with their mean dilatations, None where pointwise, and compiled responses."""
-        means, found = self.dilatations_by_group(configuration), configuration.responses
-        return list(zip(self.groups, means, found or (None,) * len(means), strict=True))
+        means = self.dilatations_by_group(configuration)
+        return list(zip(self.groups, means, configuration.responses, strict=True))
 
     def _cell_means(self, values: Array) -> Array:
         """Ratio of the cell sums of both rows of `values` (2, points with mean dilatation), (n,); nan elsewhere."""

@@ -48,7 +48,6 @@ class Increment:
     @property
     def bulk(self) -> Bulk:
         """The deformable bodies."""
-        assert self.at_start.bulk is not None
         return self.at_start.bulk
 
     @property

@@ -231,14 +231,13 @@ class ViscousBulk(Term):
     @classmethod
     def in_step(cls, start: Configuration, dt: float, theta: float) -> ViscousBulk:
         """The viscosity in a step of dt [s] from `start`, with forces a part theta after it."""
-        parts, bulk = [], start.bulk
-        assert bulk is not None
-        for group in bulk.groups:
+        parts = []
+        for group in start.bulk.groups:
             material = group.law.material
             if viscosity_of(material) > 0.0:
                 resistance = 2.0 * viscosity_of(material) / (theta * dt)
                 parts.append((Viscous(resistance, group.part(start.F), is_linear(material)), group.points))
-        return cls(bulk.assembly, tuple(parts), theta)
+        return cls(start.bulk.assembly, tuple(parts), theta)
 
     @property
     def linear(self) -> bool:

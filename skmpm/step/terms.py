@@ -87,13 +87,12 @@ class Configuration:
     """The bodies at some nodal displacement, relative to the reference configuration (the anchor)."""
 
     displacement: Array  # (2 nodes,) [m]
-    bulk: Bulk | None = field(default=None, repr=False, compare=False)
+    bulk: Bulk = field(repr=False, compare=False)
     scalars: Array = field(default_factory=lambda: np.zeros(0))  # (p,) of scalar unknowns in the step [m]
 
     @cached_property
     def F(self) -> Array:
         """Deformation gradients, (2, 2, n)."""
-        assert self.bulk is not None
         F = self.bulk.assembly.grid.strain_at_points(self.displacement)
         F[0, 0] += 1.0
         F[1, 1] += 1.0
@@ -102,7 +101,7 @@ class Configuration:
     @cached_property
     def dilatation(self) -> Array | None:
         """Mean dilatation of each cell at its points (n,), nan where it is pointwise; None if everywhere."""
-        return None if self.bulk is None else self.bulk.mean_dilatations(self.F)
+        return self.bulk.mean_dilatations(self.F)
 
     def translated(self, displacement: Array, scalars: Array) -> Configuration:
         """The configuration after translations of bodies, which lead to a displacement (2 nodes,) [m]."""
@@ -112,14 +111,14 @@ class Configuration:
         return moved
 
     @cached_property
-    def responses(self) -> tuple[Response | None, ...] | None:
+    def responses(self) -> tuple[Response | None, ...]:
         """Energy and its derivatives at the points of each material, None for materials without a compiled pass."""
-        return None if self.bulk is None else self.bulk.responses(self)
+        return self.bulk.responses(self)
 
     @cached_property
-    def energy(self) -> float | None:
-        """The energy of the bulk [J/m], None without one."""
-        return None if self.bulk is None else self.bulk.energy_anew(self)
+    def energy(self) -> float:
+        """The energy of the bulk [J/m]; inf where a point is inverted."""
+        return self.bulk.energy_anew(self)
 
 
 Mean = TypeVar("Mean", float, Array)

@@ -7,8 +7,8 @@ from test_only_what_is_required import Calls
 import skmpm
 from skmpm import outline
 from skmpm.points import Points
+from skmpm.step.derived import bulk_of
 from skmpm.step.scene_forces import follower_pressure
-from skmpm.step.terms import Configuration
 
 R = 1e-3
 GEL = skmpm.NeoHookean(E=1e6, nu=0.3, density=1000.0)
@@ -53,7 +53,7 @@ def test_the_force_is_the_derivative_of_minus_p_times_the_area():
         )
 
     numeric = -p * (area(u + 1e-4 * direction) - area(u - 1e-4 * direction)) / 2e-4
-    at = Configuration(u)
+    at = bulk_of(scene, state, skmpm.Scheme()).at(u)
     assert pressure.force(at) @ -direction == pytest.approx(numeric, rel=1e-9)
     grid = state.derived.assembly.grid
     force = pressure.force(at).reshape(-1, 2).T
@@ -199,13 +199,14 @@ def test_the_stiffness_is_the_derivative_of_the_force_by_affine_motions():
     scene = pressed_disc(3e4)
     state = skmpm.initial(scene)
     pressure, assembly = follower_pressure(scene, state, 0.0, 0.0), state.derived.assembly
+    bulk = bulk_of(scene, state, skmpm.Scheme())
     K = assembly.matrix(pressure.stiffness(None), 1.0) - assembly.matrix(np.zeros_like(assembly.ghost_data), 1.0)
     assert abs(K - K.T).max() < 1e-12 * abs(K).max()
     x, y = assembly.grid.position / R
     one = np.ones_like(x)
     for field in ((x, -y), (x, y), (-y, x), (y, x), (one, 0 * one), (x + 2 * y, 3 * x)):
         u = 1e-3 * R * np.stack(field, axis=1).ravel()
-        change = 0.5 * (pressure.force(Configuration(u)) - pressure.force(Configuration(-u)))
+        change = 0.5 * (pressure.force(bulk.at(u)) - pressure.force(bulk.at(-u)))
         assert u @ (K @ u) == pytest.approx(float(u @ change), rel=1e-3, abs=1e-9 * 3e4 * 1e-6 * R**2)
         rows = np.linalg.norm(K @ u - change) / max(np.linalg.norm(change), 1e-9 * 3e4 * R)
         assert rows < 0.05

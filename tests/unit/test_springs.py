@@ -18,9 +18,9 @@ from skmpm.scene import Body, Load, Scene, SceneError, StepFailed, Support, Wall
 from skmpm.scheme import Scheme
 from skmpm.simulation import simulate
 from skmpm.step.algorithm import step
+from skmpm.step.derived import bulk_of
 from skmpm.step.initial_state import initial
 from skmpm.step.scene_forces import springs_of
-from skmpm.step.terms import Configuration
 
 sys.path.append(str(Path(__file__).parent))
 from test_only_what_is_required import Calls
@@ -281,7 +281,7 @@ def test_the_joined_inverse_and_its_delassus_operator_are_those_of_the_sum(solve
     grid = assembly.grid
     C = STIFF.tangent(np.repeat(np.eye(2)[:, :, None], state.x.shape[1], axis=2))
     A = assembly.matrix(assembly.stiffness(C), 1e-4)
-    B, stiffness = springs.coupling(Configuration(np.zeros(2 * grid.nodes)))
+    B, stiffness = springs.coupling(bulk_of(scene, state, Scheme()).at(np.zeros(2 * grid.nodes)))
     coupled = joined(solver(A, grid.blocks, grid.rigid_motions), B, 1e4 * stiffness, grid.blocks)
     whole = A.toarray() + B.T @ (1e4 * block_diag(*stiffness) @ B.toarray())
     b = rng.normal(size=2 * grid.nodes)
@@ -323,7 +323,8 @@ def test_bars_of_different_bodies_share_a_solve(solver):
         columns.append(b.shape[1] if b.ndim == 2 else 1)
         return inner(b)
 
-    B, stretched = springs.coupling(Configuration(0.01 * np.random.default_rng(1).normal(size=2 * grid.nodes)))
+    moved = 0.01 * np.random.default_rng(1).normal(size=2 * grid.nodes)
+    B, stretched = springs.coupling(bulk_of(scene, state, Scheme()).at(moved))
     coupled = joined(counted, B, 1e4 * stretched, grid.blocks)
     assert columns[0] <= 4  # two directions of the two bars on a block
     whole = A.toarray() + B.T @ (1e4 * block_diag(*stretched) @ B.toarray())
@@ -360,7 +361,7 @@ def test_forces_and_stiffness_of_springs_are_derivatives_of_their_energy():
     beds, bars = springs_of(scene, state, (0.0, 1.0), 0.0)
     assembly, nodes = state.derived.assembly, state.derived.assembly.grid.nodes
     U, d = 0.05 * rng.normal(size=2 * nodes), 1e-6 * rng.normal(size=2 * nodes)
-    at, ahead, behind = Configuration(U), Configuration(U + d), Configuration(U - d)
+    at, ahead, behind = map(bulk_of(scene, state, Scheme()).at, (U, U + d, U - d))
     B, K_bars = bars.coupling(at)
     stiffness = (
         assembly.matrix(beds.stiffness(at), 1.0, np.zeros((nodes, 2, 2))) @ d,
