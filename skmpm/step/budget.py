@@ -84,7 +84,7 @@ def _counted(increment: Increment) -> Array:
     """The masses (n,) [kg/m] but those of the edges of a periodic box, and of prescribed motions of rigid bodies."""
     mass = increment.mass.copy()
     for kind in increment.scalars.kinds:
-        increment.of_scalars(mass)[kind.own] = kind.counted
+        increment.of_scalars(mass)[kind.own] *= kind.counted
     return mass
 
 

@@ -23,12 +23,11 @@ from functools import cached_property
 import numpy as np
 
 from skmpm import outline
-from skmpm.arrays import Array
+from skmpm.arrays import Array, Bools
 from skmpm.contact import Constraints
 from skmpm.scene import Contacts, Periodic, PrescribedVelocities, Scene, State, deformed, recut
 from skmpm.scene.contact_keys import ContactKeys
 from skmpm.step.scalar_unknowns import Entries, Interval, Unknowns
-from skmpm.step.terms import Budget, Path
 
 
 def velocity_of_box(state: State, gradient: Array | None) -> Array:
@@ -89,9 +88,9 @@ class StressedBox(Unknowns):
         return [f"the stress {'xy'[i]}{'xy'[j]} of the periodic box" for i, j in self.periodic.components.T.tolist()]
 
     @property
-    def counted(self) -> Array:
-        """Zero: its masses are not those of bodies, (q,)."""
-        return np.zeros_like(self.inertia.mass)
+    def counted(self) -> Bools:
+        """None: its masses are not those of bodies, and it works on these by contacts of their images, (q,)."""
+        return np.zeros(self.inertia.v0.size, dtype=bool)
 
     def _edges(self, z: Array) -> Array:
         """The edges at the end of the step, (2, 2) [m]."""
@@ -117,10 +116,6 @@ class StressedBox(Unknowns):
     def load_at_start(self) -> Array:
         """Zero: forces when the step begins are not known, (q,)."""
         return np.zeros_like(self.stress)
-
-    def budget(self, path: Path) -> Budget:
-        """Nothing: the box works on bodies by contacts of their images, and its mass is not that of bodies."""
-        return Budget()
 
     def motions(self, z: Array, end: Array, prescribed: PrescribedVelocities) -> PrescribedVelocities:
         """All prescribed velocities with the motion of the box."""

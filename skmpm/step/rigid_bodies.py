@@ -133,9 +133,9 @@ class FreeBodies(Unknowns):
         return self.start.free.T.ravel()
 
     @property
-    def counted(self) -> Array:
-        """Masses (3 n,) [kg/m], zero of what is prescribed."""
-        return np.asarray(self.inertia.mass * self._free)
+    def counted(self) -> Bools:
+        """Those that are not prescribed, (3 n,)."""
+        return self._free
 
     def motions(self, z: Array, end: Array, prescribed: PrescribedVelocities) -> PrescribedVelocities:
         """All prescribed velocities with those of the bodies."""

@@ -93,9 +93,9 @@ class Unknowns(Term):
         return slice(self.first, self.first + self.inertia.v0.size)
 
     @property
-    def counted(self) -> Array:
-        """Masses whose kinetic energy is counted, (p,) [kg/m]."""
-        return self.inertia.mass
+    def counted(self) -> Bools:
+        """Whether its kinetic energy and the work of its load are in the budget, of each (p,); here those of all."""
+        return np.ones(self.inertia.v0.size, dtype=bool)
 
     @property
     @abstractmethod
@@ -153,9 +153,9 @@ class Unknowns(Term):
         """The forces when the step begins, (p,) [N/m]."""
 
     def budget(self, path: Path) -> Budget:
-        """The work of the load."""
+        """The work of the load, where it is counted."""
         load = path.mean(lambda at, part: -self.force(at) if part else self.load_at_start())
-        return Budget(external=float(load @ path.end.scalars[self.own]))
+        return Budget(external=float((self.counted * load) @ path.end.scalars[self.own]))
 
 
 @dataclass(frozen=True)
