@@ -28,13 +28,13 @@ class LowRank:
     Attributes
     ----------
     solver : for A
-    body : (nodes,) body of each node
+    blocks : (bodies + 1,) first unknown of each body
     Z : (2 nodes, k)
     G : (bodies, k, k); zero for bodies without correction
     """
 
     solver: Solver
-    body: Ints
+    blocks: Ints
     Z: Array
     G: Array
 
@@ -42,11 +42,6 @@ class LowRank:
     def name(self) -> str:
         """Name of the solver for A."""
         return self.solver.name
-
-    @cached_property
-    def blocks(self) -> Ints:
-        """Offsets (bodies + 1,) of the unknowns of bodies."""
-        return _blocks(self.body, self.G.shape[0])
 
     def __call__(self, b: Array, /) -> Array:
         """The solution for b (n,) or (n, m)."""
@@ -59,13 +54,13 @@ class LowRank:
         W = sp.csr_array(self.solver.delassus(H), copy=True)
         body_of_row = np.zeros(H.shape[0], dtype=np.int64)
         filled = np.flatnonzero(np.diff(H.indptr))
-        body_of_row[filled] = self.body[H.indices[H.indptr[filled]] // 2]
+        body_of_row[filled] = np.searchsorted(self.blocks, H.indices[H.indptr[filled]], side="right") - 1
         response = np.asarray(H @ self.Z)
         _add_products(W.indptr, W.indices, np.einsum("rk,rkl->rl", response, self.G[body_of_row]), response, W.data)
         return W
 
 
-def without_added_mass(solver: Solver, body: Ints, added: Array, mass: Array, m: Array | None = None) -> LowRank:
+def without_added_mass(solver: Solver, blocks: Ints, added: Array, mass: Array, m: Array | None = None) -> LowRank:
     """Solver for A + c (M - M T (T^T M T)^-1 T^T M), T the translations of a body, from a solver for A + c M.
 
     `added` (bodies,) is c times the mass of a body, `mass` (bodies,) that in M [kg/m]; where it is zero,
@@ -74,20 +69,15 @@ def without_added_mass(solver: Solver, body: Ints, added: Array, mass: Array, m:
     velocities w with m^T w = 0 in every body in which m, orthogonal to translations, does not vanish: less z z^T /
     m^T z with z = (A + c M)^-1 m.
     """
-    Z, inertia = np.tile(np.eye(2), (body.size, 1)), np.maximum(mass, 1e-300)
+    Z, inertia = np.tile(np.eye(2), (int(blocks[-1]) // 2, 1)), np.maximum(mass, 1e-300)
     G = np.zeros((mass.size, 3, 3))
     G[:, 0, 0] = G[:, 1, 1] = np.where(mass > 0.0, added / (inertia + added) / inertia, 0.0)
     if m is None:
-        return LowRank(solver, body, Z, G[:, :2, :2])
+        return LowRank(solver, blocks, Z, G[:, :2, :2])
     z = solver(m)
-    product = np.bincount(np.repeat(body, 2), m * z, mass.size)
+    product = np.bincount(np.repeat(np.arange(mass.size), np.diff(blocks)), m * z, mass.size)
     G[product > 0.0, 2, 2] = -1.0 / product[product > 0.0]
-    return LowRank(solver, body, np.column_stack([Z, z]), G)
-
-
-def _blocks(body: Ints, bodies: int) -> Ints:
-    """Offsets (bodies + 1,) of the unknowns of bodies; `body` (nodes,) ascends."""
-    return 2 * np.searchsorted(body, np.arange(bodies + 1))
+    return LowRank(solver, blocks, np.column_stack([Z, z]), G)
 
 
 @compiled

@@ -101,7 +101,7 @@ def _stabilised(
         momentum = None if increment.gauge is None else increment.gauge.momentum
         if momentum is None and not tau.any():
             return solver
-        return without_added_mass(solver, grid.node_body, tau * mass, inertia, momentum)
+        return without_added_mass(solver, grid.blocks, tau * mass, inertia, momentum)
 
 
 def _rotational_stiffness(increment: Increment, A: sp.bsr_array, configuration: Configuration) -> Array:

@@ -60,7 +60,7 @@ def test_the_solver_on_the_gauge_is_that_of_the_saddle_point_problem():
         A[begin:end, begin:end] = G @ G.T + np.eye(end - begin)
         m[begin:end] = rng.normal(size=end - begin) * (b < 2)
     inner, none = linear.direct(sp.bsr_array(A, blocksize=(2, 2)), blocks, None), np.zeros(3)
-    solver = without_added_mass(inner, owner, none, none, m)
+    solver = without_added_mass(inner, blocks, none, none, m)
     conditions = np.stack([m * (np.repeat(owner, 2) == b) for b in (0, 1)], axis=1)
     bordered = np.block([[A, conditions], [conditions.T, np.zeros((2, 2))]])
     b = rng.normal(size=(n, 4))

@@ -200,7 +200,7 @@ def test_the_delassus_operator_with_added_mass_is_that_of_its_own_inverse():
     c = np.array([0.7, 0.0])[: grid.bodies]
     inner = linear.direct(sp.bsr_array(np.diag((1.0 + np.repeat(c[grid.node_body], 2)) * mass)), grid.blocks, None)
     total = grid.sums(mass[None, ::2])[0]
-    solver = without_added_mass(inner, grid.node_body, c * total, total)
+    solver = without_added_mass(inner, grid.blocks, c * total, total)
     H = sp.csr_array(sp.kron(grid.interpolation[[0, 5, -1]], np.eye(2), format="csr"))
     wanted = H @ solver(H.T.toarray())
     assert solver.delassus(H).toarray() == pytest.approx(wanted, rel=1e-12, abs=1e-14 * np.abs(wanted).max())
