@@ -13,6 +13,7 @@ from scipy.spatial import KDTree
 
 from skmpm import outline
 from skmpm.arrays import Array, Bools, Ints
+from skmpm.grid import BodyGrids, build_grids
 from skmpm.material import Material, Rigid, initial_state, wave_speed
 from skmpm.outline import Outlines, outlines
 from skmpm.outline.crossings import folded
@@ -195,6 +196,11 @@ class Layout:
         if boundary.point.size:
             inward[:, boundary.point] = -outline.normals(boundary, x[:, boundary.point])
         return inward
+
+    def body_grids(self, x: Array) -> BodyGrids:
+        """The body grids of deformable bodies whose points are at x (2, n) [m]."""
+        own = self.deformable_points
+        return build_grids(x[:, own], self.owner[own], self.cell, len(self.bodies), self.inward_normals(x)[:, own])
 
     def images(self, x: Array, box: Array | None, reach: float) -> Images:
         """Outlines with boundary points at x (2, m), and their images within reach [m] in a box of edges (2, n)."""

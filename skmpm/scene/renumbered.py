@@ -8,7 +8,6 @@ import numpy as np
 
 from skmpm import outline
 from skmpm.arrays import Ints
-from skmpm.grid import build_grids
 from skmpm.scene.contact_keys import ContactKeys, first_keys, guard_keys
 from skmpm.scene.scene import Scene
 from skmpm.scene.state import Contacts, State
@@ -43,9 +42,7 @@ def _nodes(scene: Scene, state: State) -> Ints:
     """The body of each grid node of a state, (nodes,)."""
     if state.derived is not None:
         return state.derived.assembly.grid.node_body
-    own, x = scene.deformable_points, state.x_anchor
-    inward = scene.inward_normals(x)[:, own]
-    return build_grids(x[:, own], scene.owner[own], scene.cell, len(scene.bodies), inward).node_body
+    return scene.body_grids(state.x_anchor).node_body
 
 
 def renumbered(scene: Scene, new_scene: Scene, contacts: Contacts, bodies: Ints, walls: Ints) -> Contacts:

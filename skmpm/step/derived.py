@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from skmpm.arrays import Array
-from skmpm.grid import BodyGrids, build_grids
+from skmpm.grid import BodyGrids
 from skmpm.grid.assembly import prepare
 from skmpm.grid.moment_fitting import fitted_places, fitted_weights
 from skmpm.grid.supports import Elimination, eliminate, inner_nodes
@@ -24,8 +24,7 @@ def derived_data(scene: Scene, scheme: Scheme, x: Array, volume: Array) -> Deriv
 
     There the points have the positions `x` (2, n) [m] and the volumes `volume` (n,) [m2].
     """
-    own = scene.deformable_points
-    grid = build_grids(x[:, own], scene.owner[own], scene.cell, len(scene.bodies), scene.inward_normals(x)[:, own])
+    own, grid = scene.deformable_points, scene.body_grids(x)
     weights = volume[own]
     if scheme.moment_fitting:
         weights, grid = fitted(scene, grid, weights, x)
