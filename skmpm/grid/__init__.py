@@ -6,8 +6,8 @@ so every matrix assembled on this mesh is block diagonal with one block per body
 places to which moment fitting moves their strains, are quadrature points of this mesh.
 """
 
-from skmpm.grid.body_grids import BodyGrids, CartesianMapping
+from skmpm.grid.body_grids import BodyGrids
 from skmpm.grid.building import build_grids, numbered
 from skmpm.grid.loops import CORNERS
 
-__all__ = ["CORNERS", "BodyGrids", "CartesianMapping", "build_grids", "numbered"]
+__all__ = ["CORNERS", "BodyGrids", "build_grids", "numbered"]

@@ -4,52 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 from skfem import CellBasis, ElementQuad1, ElementVector, MeshQuad
-from skfem.mapping import Mapping
 
 from skmpm.arrays import Array, Ints
 from skmpm.grid import loops as point_loops
-
-
-class CartesianMapping(Mapping):
-    """Affine mapping from the reference square to square cells of equal size; evaluated without caching."""
-
-    def __init__(self, origin: Array, cell: float) -> None:
-        self.origin, self.cell = origin, cell
-
-    def _select(self, tind: Ints | None) -> Array:
-        return self.origin if tind is None else self.origin[:, tind]
-
-    def _diagonal(self, X: Array, tind: Ints | None, value: float) -> Array:
-        points = X.shape[-1]
-        return np.broadcast_to(value * np.eye(2)[:, :, None, None], (2, 2, self._select(tind).shape[1], points))
-
-    def F(self, X: Array, tind: Ints | None = None) -> Array:
-        """Global positions (2, cells, points) [m] of local coordinates."""
-        local = X if X.ndim == 3 else X[:, None, :]
-        return self._select(tind)[:, :, None] + self.cell * local
-
-    def invF(self, x: Array, tind: Ints | None = None) -> Array:
-        """Local coordinates of global positions (2, cells, points) [m], not clipped."""
-        return (x - self._select(tind)[:, :, None]) / self.cell
-
-    def DF(self, X: Array, tind: Ints | None = None) -> Array:
-        """Jacobian, (2, 2, cells, points) [m]."""
-        return self._diagonal(X, tind, self.cell)
-
-    def invDF(self, X: Array, tind: Ints | None = None) -> Array:
-        """Inverse Jacobian, (2, 2, cells, points) [1/m]."""
-        return self._diagonal(X, tind, 1.0 / self.cell)
-
-    def detDF(self, X: Array, tind: Ints | None = None) -> Array:
-        """Jacobian determinant, (cells, points) [m2]."""
-        return np.broadcast_to(self.cell**2, (self._select(tind).shape[1], X.shape[-1]))
 
 
 @dataclass(frozen=True)
@@ -196,23 +159,12 @@ class BodyGrids:
         """The disconnected mesh, whose vertices are the nodes."""
         return MeshQuad(self.position, self.nodes_of_cell)
 
-    def basis(self, volume: Array, intorder: int | None = None) -> CellBasis:
-        """Scikit-fem basis whose quadrature points are those of strains, weighted by `volume` (n,) [m2].
-
-        With `intorder` it is the standard basis on full cells instead, for comparison with the finite element method.
-        """
-        mapping = CartesianMapping(self.cell * self.cell_index.astype(np.float64), self.cell)
-        options: dict[str, Any] = {"mapping": mapping, "disable_doflocs": True}
-        if intorder is not None:
-            return CellBasis(self.mesh, ElementVector(ElementQuad1()), intorder=intorder, **options)
+    def basis(self, volume: Array) -> CellBasis:
+        """Scikit-fem basis whose quadrature points are those of strains, weighted by `volume` (n,) [m2]."""
         local = self.local if self.quadrature is None else self.quadrature
         X, weights = local[:, :, None], (volume / self.cell**2)[:, None]
         return CellBasis(
-            self.mesh,
-            ElementVector(ElementQuad1()),
-            elements=self.cell_of_point,
-            quadrature=(X, weights),
-            **options,
+            self.mesh, ElementVector(ElementQuad1()), elements=self.cell_of_point, quadrature=(X, weights)
         )
 
     def sums(self, values: Array) -> Array:
