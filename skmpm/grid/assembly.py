@@ -22,6 +22,7 @@ Selection = Ints | slice  # of points or cells
 ALL = slice(None)
 
 STENCIL_NODES = 25  # nodes at most two cells away from a node, coupled with it by cells and ghost facets
+POOR_FILLING = 0.6  # of a cell, below which it gets the ghost penalty
 MIN_MASS_RATIO = 1e-12  # smallest mass of a node, relative to the heaviest point of its body
 
 # Corners, in the order of `forms.reference_ghost`, of the lower (0) and upper (1) cell beside a facet with
@@ -34,8 +35,8 @@ GHOST_CORNERS = (
 
 @cache
 def _ghost_table() -> Array:
-    """The constant 6 x 6 ghost penalty matrix, by symmetry the same for facets with normal x and y."""
-    return np.asarray(reference_ghost()[0])
+    """The constant 6 x 6 ghost penalty matrix, the same for facets with normal x and y."""
+    return reference_ghost()
 
 
 @dataclass(frozen=True)
@@ -143,11 +144,6 @@ class Assembly:
         return sp.bsr_array((stiffness, self.indices, self.indptr), shape=(2 * nodes, 2 * nodes))
 
 
-def lumped_mass(grid: BodyGrids, mass: Array) -> Array:
-    """Lumped mass (2 nodes,) of the unknowns from masses (n,) of points [kg/m] (Nezamabadi et al. 2017, eq. 6)."""
-    return np.repeat(grid.interpolation.T @ mass, 2)
-
-
 def _heaviest(grid: BodyGrids, mass: Array) -> Array:
     """Mass of the heaviest point of the body of each node, (nodes,) [kg/m]."""
     heaviest = np.zeros(grid.bodies)
@@ -155,13 +151,13 @@ def _heaviest(grid: BodyGrids, mass: Array) -> Array:
     return heaviest[grid.node_body]
 
 
-def ghost_facets(grid: BodyGrids, volume: Array, threshold: float = 0.6) -> tuple[Ints, Ints]:
-    """Interior facets beside cells with a filling below `threshold`: their six nodes (6, f) and cells (2, f)."""
+def ghost_facets(grid: BodyGrids, volume: Array) -> tuple[Ints, Ints]:
+    """Interior facets beside cells with a filling below `POOR_FILLING`: their six nodes (6, f) and cells (2, f)."""
     fill = np.bincount(grid.cell_of_point, volume, grid.cells) / grid.cell**2
     nodes, cells = [], []
     for normal in (0, 1):
         pair = np.stack(_neighbours(grid, normal))
-        pair = pair[:, fill[pair].min(axis=0) < threshold]
+        pair = pair[:, fill[pair].min(axis=0) < POOR_FILLING]
         nodes.append(np.stack([grid.nodes_of_cell[corner, pair[k]] for k, corner in GHOST_CORNERS[normal]]))
         cells.append(pair)
     return np.concatenate(nodes, axis=1), np.concatenate(cells, axis=1)
@@ -210,7 +206,7 @@ def prepare(grid: BodyGrids, volume: Array, mass: Array, ghost_modulus: Array) -
     ghost = np.bincount(in_ghost, ghost_values.ravel(), some.size).astype(np.float64)  # integers if there are none
     nonzero = np.flatnonzero(ghost)
 
-    lumped = lumped_mass(grid, mass)
+    lumped = np.repeat(grid.interpolation.T @ mass, 2)  # Nezamabadi et al. 2017, eq. 6
     return Assembly(
         grid=grid,
         volume=volume,
