@@ -168,7 +168,7 @@ class _PointToCurve:
         """
         scene, start = self.scene, near.start.x
         on_walls = [contacts_with_walls(scene, near, start, moved, walls)] if walls.size else []
-        between = [] if near.none and on_walls else [contacts_between_bodies(scene, near, start, moved, theta)]
+        between = [] if near.none and on_walls else [contacts_between_bodies(near, start, moved, theta)]
         return joined([*between, *on_walls])
 
     def with_tension(self, near: Neighbours) -> Neighbours:
@@ -211,24 +211,24 @@ class _PointToCurve:
         before, image, home = (
             motion.lattice_vectors(k, end) for k, end in ((second - first, 0), (second - first, 1), (first, 1))
         )
-        found = _of_bodies(found, surfaces)
+        found, shifts = _of_bodies(found, surfaces), near.shifts.at(found.key)
         columns = np.concatenate([found.own, found.stencil])
         relative = combinations(columns, np.concatenate([found.own_weights, -found.weights]), points)
         moving = (before - image) / dt
         moving[:, on_wall] -= motion.walls[1, -1 - found.bodies[1, on_wall]].T / dt
         now = np.einsum("ik,ki->k", found.normal, relative @ velocity.T)
-        allowed = np.maximum(np.minimum(self.kept * found.before, -found.kept), np.minimum(found.before, 0.0))
+        allowed = np.maximum(np.minimum(self.kept * found.before, -shifts.sagitta), np.minimum(found.before, 0.0))
         return Constraints(
             bodies=found.bodies,
             x=at - home,
             normal=found.normal,
             gap=found.gap,
-            friction=found.friction,
+            friction=self.scene.frictions.between(found.bodies),
             key=found.key,
             point=self.scene.outlines.point[found.point],
             base=self.interpolation,
             difference=relative,
-            geometry=geometry_of(found, points),
+            geometry=geometry_of(found, shifts, points),
             rigid=motion.points.T / dt,
             surfaces=moving,
             offset_normal=(found.gap - allowed) / dt - now,
@@ -288,7 +288,7 @@ def _of_bodies(found: ContactPairs, surfaces: Images) -> ContactPairs:
     boundary = surfaces.boundary
     return replace(
         found,
-        bodies=np.where(found.bodies < 0, found.bodies, surfaces.body[np.maximum(found.bodies, 0)]),
+        bodies=surfaces.bodies_of(found.bodies),
         point=boundary[found.point],
         own=boundary[found.own],
         stencil=boundary[found.stencil],

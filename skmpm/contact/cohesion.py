@@ -34,8 +34,7 @@ def tensile_strength(scene: Scene, surfaces: Images, x: Array, found: ContactPai
     the cohesion of the two bodies or of the wall, and l the length of boundary that belongs to the contact point: of
     the boundary of the body of lower `rank` (bodies,), which gives the points.
     """
-    bodies = np.where(found.bodies < 0, found.bodies, surfaces.body[np.maximum(found.bodies, 0)])
-    c, range_ = scene.cohesion_between(bodies), scene.cohesion_range
+    c, range_ = scene.cohesion_between(surfaces.bodies_of(found.bodies)), scene.cohesion_range
     acts = (c > 0.0) & (found.gap <= max(range_, TOUCHING * scene.cell))
     return np.where(acts, c * contact_length(surfaces.outlines, x, found, rank, acts, range_), 0.0)
 

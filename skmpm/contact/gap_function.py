@@ -13,7 +13,7 @@ from skmpm.contact.constraints import SurfaceGeometry
 from skmpm.contact.neighbours import Neighbours
 from skmpm.contact.projection import foot_points, project, tangent_shares
 from skmpm.contact.rows import combinations
-from skmpm.contact.shifts import guarded
+from skmpm.contact.shifts import Shifts, guarded
 from skmpm.outline import Cubics, Curve
 from skmpm.scene import Scene
 from skmpm.scene.contact_keys import guard_keys
@@ -34,16 +34,12 @@ class ContactPairs:
     curvature: Array  # (k,) of the curve, negative where it is convex [1/m]; zero for walls and at corners
     own_shares: Array  # (4, k) weights of `own` in the unit tangent at the contact point [1/m]
     along: Array  # (k,) cosine between both tangents
-    travel: Array  # (k,) of the contact point along its outline, per slope of the gap [m]; 0 if it is fixed
-    wide_from: Array  # (k,) normal force between the bodies that makes the contact too wide to travel [N/m]
     normal: Array  # (2, k) at x + theta dt w
     gap: Array  # (k,) at the end of the step [m]
     before: Array  # (k,) gap at the start of the step [m]
-    friction: Array  # (k,) Coulomb coefficients
-    kept: Array  # (k,) overlap at the start of the step that remains [m]
 
 
-def contacts_between_bodies(scene: Scene, near: Neighbours, start: Array, moved: Array, theta: float) -> ContactPairs:
+def contacts_between_bodies(near: Neighbours, start: Array, moved: Array, theta: float) -> ContactPairs:
     """Contact pairs of bodies whose boundary points move from `start` by `moved`, both (2, m) [m]."""
     curve, boundary = near.curve, near.curve.outlines
     now = curve.through(start + moved)
@@ -52,11 +48,9 @@ def contacts_between_bodies(scene: Scene, near: Neighbours, start: Array, moved:
     driving = end if theta == 1.0 else project(near, at, end)
     shares, curvature = tangent_shares(at, driving)
     own, own_s = curve.shifted(end.point, end.shift)
-    shifts = near.shifts.at(end.key)
-    own_shares, along = _own_tangents(now if shifts.travel.any() else None, curve, own, own_s, end.normal)
-    bodies = boundary.body[np.stack([end.point, end.segment])]
+    own_shares, along = _own_tangents(now if near.shifts.travel.any() else None, curve, own, own_s, end.normal)
     return ContactPairs(
-        bodies=bodies,
+        bodies=boundary.body[np.stack([end.point, end.segment])],
         point=end.point,
         own=curve.stencil(own),
         own_weights=curve.weights(own, own_s),
@@ -67,13 +61,9 @@ def contacts_between_bodies(scene: Scene, near: Neighbours, start: Array, moved:
         curvature=curvature,
         own_shares=own_shares,
         along=along,
-        travel=shifts.travel,
-        wide_from=shifts.wide_from,
         normal=driving.normal,
         gap=end.gap,
         before=end.before,
-        friction=scene.frictions.between(near.surfaces.body[bodies]),
-        kept=shifts.sagitta,
     )
 
 
@@ -92,7 +82,7 @@ def contacts_with_walls(scene: Scene, near: Neighbours, start: Array, moved: Arr
     wall, c = found[:, :size]
     key = near.numbers.at_walls(wall, c)
     shifts = near.shifts.at(key)
-    now = curve.through(start + moved) if shifts.travel.any() else None
+    now = curve.through(start + moved) if near.shifts.travel.any() else None
     if now is not None:
         feet.slide_on_walls(c, shifts.shift, shifts.travel, np.take(normals, wall, axis=1), now.c, curve.loops)
     doubled = guarded(shifts.shift)
@@ -100,13 +90,12 @@ def contacts_with_walls(scene: Scene, near: Neighbours, start: Array, moved: Arr
     wall, c = (np.append(values, values[doubled])[order] for values in (wall, c))
     key = np.append(key, guard_keys(key[doubled]))[order]
     shift = np.append(shifts.shift, np.zeros(np.count_nonzero(doubled)))[order]
-    shifts = near.shifts.at(key)
     segment, s = curve.shifted(c, shift)
     own, weights = curve.stencil(segment), curve.weights(segment, s)
-    bodies, normal = np.stack([boundary.body[c], -1 - wall]), np.take(normals, wall, axis=1)
+    normal = np.take(normals, wall, axis=1)
     own_shares, along = _own_tangents(now, curve, segment, s, normal)
     return ContactPairs(
-        bodies=bodies,
+        bodies=np.stack([boundary.body[c], -1 - wall]),
         point=c,
         own=own,
         own_weights=weights,
@@ -117,13 +106,9 @@ def contacts_with_walls(scene: Scene, near: Neighbours, start: Array, moved: Arr
         curvature=np.zeros(c.size),
         own_shares=own_shares,
         along=along,
-        travel=shifts.travel,
-        wide_from=shifts.wide_from,
         normal=normal,
         gap=np.einsum("jk,jk->k", weights, gap[wall, own]),
         before=np.einsum("jk,jk->k", weights, before[wall, own]),
-        friction=scene.frictions.between(bodies),
-        kept=shifts.sagitta,
     )
 
 
@@ -166,13 +151,13 @@ def _wall_gaps(
     return size
 
 
-def geometry_of(found: ContactPairs, points: int) -> SurfaceGeometry:
-    """The geometry of the surfaces of contact pairs, in terms of so many contact points."""
+def geometry_of(found: ContactPairs, shifts: Shifts, points: int) -> SurfaceGeometry:
+    """The geometry of the surfaces of contact pairs with these shifts, in terms of so many contact points."""
     return SurfaceGeometry(
         tangent_shares=combinations(found.stencil, found.tangent_shares, points),
-        own_shares=combinations(found.own, np.where(found.travel > 0.0, found.own_shares, 0.0), points),
+        own_shares=combinations(found.own, np.where(shifts.travel > 0.0, found.own_shares, 0.0), points),
         curvature=found.curvature,
         along=found.along,
-        travel=found.travel,
-        wide_from=found.wide_from,
+        travel=shifts.travel,
+        wide_from=shifts.wide_from,
     )

@@ -53,6 +53,10 @@ class Images:
         """The body that each boundary point belongs to, (m,)."""
         return self.body[self.outlines.body]
 
+    def bodies_of(self, number: Ints) -> Ints:
+        """The bodies that these are images of; walls, below zero, stay what they are."""
+        return np.where(number < 0, number, self.body[np.maximum(number, 0)])
+
     def at(self, x: Array, box: Array | None) -> Array:
         """Positions (2, m) [m], from those x of the boundary points of the bodies and H (2, edges) [m]."""
         if box is None or self.none:
