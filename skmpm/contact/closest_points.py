@@ -249,5 +249,6 @@ def _shifts(at: _Minima, contacts: Contacts, *, slide: bool) -> Shifts:
         s, travel = at.slope[0] / (at.slope[0] - at.slope[1]), np.zeros(width.size)
     contact = np.where(s > 0.5, at.key[1], at.key[0])
     shift = share * np.where(s > 0.5, s - 1.0, s)
-    found = Shifts(contact, shift, 0.125 * at.length * at.turn, travel, SLIDING**2 * wide)
+    wide_from = np.where(travel > 0.0, SLIDING**2 * wide, np.inf)
+    found = Shifts(contact, shift, 0.125 * at.length * at.turn, travel, wide_from)
     return among(found, share > 0.0 if slide else guarded(shift))

@@ -237,8 +237,7 @@ class Constraints:
 
     def impulses(self, key: Ints, force: Array, dt: float) -> Array:
         """Impulses of these contacts from the forces (2, m) of contacts with keys `key` (m,); zero for others."""
-        found, where = match(key, self.key)
-        r = np.where(found, dt * force[:, where], 0.0) if key.size else np.zeros((2, self.size))
+        r = lookup(key, dt * force, self.key, 0.0)
         return np.asarray(r.T.ravel() if self.tangential else r[0])
 
 
@@ -285,17 +284,10 @@ def acts_at_grid_nodes(law: ContactFormulation) -> bool:
     return bool(getattr(law, "at_grid_nodes", False))
 
 
-def match(known: Ints, wanted: Ints) -> tuple[Bools, Ints]:
-    """For each wanted key, whether it is one of the known keys (unique) and at which index."""
-    order = np.argsort(known, kind="stable")  # fast where runs ascend, as keys do
-    index = np.minimum(np.searchsorted(known[order], wanted), max(known.size - 1, 0))
-    where = order[index] if known.size else index
-    return (known[where] == wanted) if known.size else np.zeros(wanted.size, dtype=bool), where
-
-
 def lookup(known: Ints, values: Array, wanted: Ints, otherwise: float) -> Array:
-    """Values (k,) of the wanted keys (k,) from those (m,) of the known keys (m,), else `otherwise`."""
+    """Values (..., k) of the wanted keys (k,) from those (..., m) of known ones (m,), unique, else `otherwise`."""
     if known.size == 0:
-        return np.full(wanted.size, otherwise)
-    found, where = match(known, wanted)
-    return np.asarray(np.where(found, values[where], otherwise))
+        return np.full((*values.shape[:-1], wanted.size), otherwise)
+    order = np.argsort(known, kind="stable")  # fast where runs ascend, as keys do
+    where = order[np.minimum(np.searchsorted(known[order], wanted), known.size - 1)]
+    return np.where(known[where] == wanted, np.take(values, where, axis=-1), otherwise)

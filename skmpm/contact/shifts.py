@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skmpm.arrays import Array, Bools, Ints
-from skmpm.contact.constraints import match
+from skmpm.contact.constraints import lookup
 
 # [segments] Smaller shifts are zero. A shifted contact keeps a second one at the boundary point, because a force at
 # the contact point dents the outline there, and the boundary point would pass a wall by up to 0.02 cells in impacts
@@ -25,7 +25,7 @@ class Shifts:
     # an overlap there, up to the sagitta, which no contact has prevented: its removal would be work on the bodies.
     sagitta: Array
     travel: Array  # (n,) along the outline per slope of the gap there [m]; 0 where places are fixed in a step
-    wide_from: Array  # (n,) [N/m] normal force between the bodies that makes a contact too wide to slide
+    wide_from: Array  # (n,) [N/m] normal force between the bodies that makes a contact too wide; inf if fixed
 
     @classmethod
     def none(cls) -> Shifts:
@@ -33,15 +33,10 @@ class Shifts:
         return cls(np.zeros(0, dtype=np.int64), *np.zeros((4, 0)))
 
     def at(self, key: Ints) -> Shifts:
-        """Those of the contacts with keys (k,), whether listed or not; no force makes one too wide that is fixed."""
-        if self.key.size == 0:
-            none = np.zeros(key.size)
-            return Shifts(key, none, none, none, np.full(key.size, np.inf))
-        found, where = match(self.key, key)
-        shift, sagitta, travel = (
-            np.where(found, values[where], 0.0) for values in (self.shift, self.sagitta, self.travel)
-        )
-        return Shifts(key, shift, sagitta, travel, np.where(travel > 0.0, self.wide_from[where], np.inf))
+        """Those of the contacts with keys (k,), whether listed or not."""
+        known = np.stack([self.shift, self.sagitta, self.travel])
+        shift, sagitta, travel = lookup(self.key, known, key, 0.0)
+        return Shifts(key, shift, sagitta, travel, lookup(self.key, self.wide_from, key, np.inf))
 
 
 def guarded(shift: Array) -> Bools:
