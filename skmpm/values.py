@@ -45,11 +45,9 @@ def motion(velocity: ArrayLike | Callable[..., ArrayLike], t: float, name: str =
 
 def scalar(value: object, t: float, name: str) -> float:
     """A number, or the value at time t of a function of time; SceneError if it is not finite."""
-    name = f"{name} at t = {t:.6g} s" if callable(value) else name
-    number = numbers(name, value(t) if callable(value) else value, "give a finite number")  # type: ignore[arg-type]
-    if number.ndim or not np.isfinite(number):
-        raise SceneError(f"{name} = {number}; give a finite number")
-    return float(number)
+    if callable(value):
+        return number(f"{name} at t = {t:.6g} s", value(t), "give a finite number")
+    return number(name, value, "give a finite number")
 
 
 def vector(name: str, value: ArrayLike) -> Array:
