@@ -9,7 +9,7 @@ from skmpm.compiled import compiled
 from skmpm.outline.cubics import place, seen, tangent
 from skmpm.outline.curve import Cubics
 from skmpm.outline.measures import normals
-from skmpm.outline.overlaps import box_pairs, boxes
+from skmpm.outline.overlaps import boxes
 from skmpm.outline.topology import Outlines, chunks, ranges
 from skmpm.parallel import over_bodies
 
@@ -65,20 +65,17 @@ def candidates(
     outlines: Outlines,
     x: Array,
     reach: float,
-    pairs: Ints | None = None,
+    pairs: Ints,
     bend: Array | None = None,
     least: Array | None = None,
 ) -> tuple[Ints, Ints]:
     """Boundary points closer than a distance to segments of another body, and these segments, sorted.
 
     Segments (k,) are named by the points where they begin. `pairs` (2, p), sorted, are bodies that give points and
-    bodies that give segments; by default all that are near. Of a pair only points whose `bend` (m,) is more than its
-    `least` (p,) are looked at.
+    bodies that give segments. Of a pair only points whose `bend` (m,) is more than its `least` (p,) are looked at.
     """
     bodies = int(outlines.body.max(initial=-1)) + 1
     low, high = boxes(outlines, x, bodies)
-    if pairs is None:
-        pairs = both_ways(box_pairs(low - 0.5 * reach, high + 0.5 * reach))
     bend = np.zeros(outlines.size) if bend is None else bend
     least = np.full(pairs.shape[1], -1.0) if least is None else least
     ends = np.searchsorted(outlines.body, np.arange(bodies + 1))

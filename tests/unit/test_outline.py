@@ -10,7 +10,8 @@ from skmpm.outline import topology
 from skmpm.outline.crossings import apart, turns
 from skmpm.outline.images import without_images
 from skmpm.outline.measures import bend, turning_angles
-from skmpm.outline.near import candidates
+from skmpm.outline.near import both_ways, candidates
+from skmpm.outline.overlaps import box_pairs, boxes
 
 SQUARE = np.array([[0.0, 1.0, 1.0, 0.0], [0.0, 0.0, 1.0, 1.0]])
 SEEDS = st.integers(0, 2**32 - 1)
@@ -27,6 +28,12 @@ def build(*bodies):
         x += body
         start += sum(sizes)
     return outline.outlines(loops, offsets), np.concatenate(x, axis=1), len(bodies)
+
+
+def near_pairs(o, x, n, reach):
+    """Pairs of bodies, in both orders, whose boxes are closer than `reach`."""
+    low, high = boxes(o, x, n)
+    return both_ways(box_pairs(low - 0.5 * reach, high + 0.5 * reach))
 
 
 def regular(n, radius=1.0, centre=(0, 0), phase=0.0):
@@ -98,7 +105,7 @@ def test_nothing_is_measured_where_there_is_no_outline():
     assert np.isnan(outline.centroid(o, x, n)).all()
     assert all(np.isnan(d).all() for d in outline.dimensions(o, x, n))
     assert outline.normals(o, x).shape == (2, 0)
-    assert [a.size for a in candidates(o, x, 1.0)] == [0, 0]
+    assert [a.size for a in candidates(o, x, 1.0, near_pairs(o, x, n, 1.0))] == [0, 0]
     assert [a.shape for a in outline.overlap(o, x, n)] == [(2, 0), (0,)]
     assert not outline.inside(o, x, 0, np.zeros((2, 3))).any()
     assert outline.depth(o, x, 0).size == 0
@@ -216,16 +223,16 @@ def test_candidates_are_those_of_the_full_search(seed, reach):
     bodies = [[star(rng, rng.integers(3, 40), rng.uniform(-2, 2, 2))] for _ in range(6)]
     bodies.append([SQUARE * [[50.0], [0.5]] - 3])
     bodies[2] = []
-    o, x, _ = build(*bodies)
+    o, x, n = build(*bodies)
     c, j = (a.ravel() for a in np.meshgrid(np.arange(o.size), np.arange(o.size), indexing="ij"))
     near = outline.closest(x[:, c], x[:, j], x[:, o.next[j]])[1] < reach
     near &= o.body[c] != o.body[j]
-    np.testing.assert_array_equal(candidates(o, x, reach), (c[near], j[near]))
+    np.testing.assert_array_equal(candidates(o, x, reach, near_pairs(o, x, n, reach)), (c[near], j[near]))
 
 
 def test_candidates_survive_a_body_of_no_length():
-    o, x, _ = build([np.zeros((2, 3))], [np.zeros((2, 3)) + 0.5])
-    assert candidates(o, x, 1.0)[0].size == 18
+    o, x, n = build([np.zeros((2, 3))], [np.zeros((2, 3)) + 0.5])
+    assert candidates(o, x, 1.0, near_pairs(o, x, n, 1.0))[0].size == 18
 
 
 @given(SEEDS)
