@@ -215,10 +215,9 @@ class Problem:
     negative: int | None = None  # `Bilateral.negative`
     repeated: bool = False  # whether it is one of many of a time step
 
-    def at(self, r: Array, u: Array | None = None) -> Iterate:
-        """Return r with its velocities, computed if not given, and its residual."""
-        u = self.W @ r + self.q if u is None else u
-        k = self.contacts
+    def at(self, r: Array) -> Iterate:
+        """Return r with its velocities and its residual."""
+        u, k = self.W @ r + self.q, self.contacts
         parts = np.concatenate([natural(r[:k], u[:k], self.mu), u[k:]])
         error = float(np.linalg.norm(parts)) / self.reference
         return Iterate(r, u, error if np.isfinite(error) else np.inf)
