@@ -144,13 +144,11 @@ def check_scheme(name: str, scheme: object) -> None:
 
 def check_contact(name: str, scene: Scene, scheme: Scheme) -> None:
     """Raise SceneError if a scene has what contacts at shared grid nodes cannot."""
-    if not acts_at_grid_nodes(scheme.contact):
-        return
     found = ["the scene has cohesion"] if scene.cohesive else []
-    found += [f"wall {i} is driven by a force" for i in scene.driven_walls]
-    found += [f"body {b} is a free rigid body" for b in scene.free_rigid]
+    found += [f"wall {i} is driven by a force" for i in scene.driven_walls[:1]]
+    found += [f"body {b} is a free rigid body" for b in scene.free_rigid[:1]]
     found += ["the box is periodic"] if scene.periodic is not None else []
-    if found:
+    if found and acts_at_grid_nodes(scheme.contact):
         raise SceneError(
             f"{name}: {found[0]}, which contact = shared_grid cannot; use Scheme(contact=contact.point_to_curve)"
         )
