@@ -7,7 +7,7 @@ functions at the points, and their gradients where strains are taken, are scikit
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -31,12 +31,6 @@ GHOST_CORNERS = (
     ((0, 0), (0, 1), (1, 1), (0, 3), (0, 2), (1, 2)),
     ((0, 0), (0, 3), (1, 3), (0, 1), (0, 2), (1, 2)),
 )
-
-
-@cache
-def _ghost_table() -> Array:
-    """The constant 6 x 6 ghost penalty matrix, the same for facets with normal x and y."""
-    return reference_ghost()
 
 
 @dataclass(frozen=True)
@@ -196,7 +190,7 @@ def prepare(grid: BodyGrids, volume: Array, mass: Array, ghost_modulus: Array) -
     facet_nodes, facet_cells = ghost_facets(grid, volume)
     weight = ghost_modulus[facet_cells].min(axis=0)
     ghost_nodes = facet_nodes[:, weight > 0.0]
-    ghost_values = weight[weight > 0.0] * _ghost_table()[:, :, None]
+    ghost_values = weight[weight > 0.0] * reference_ghost()[:, :, None]
 
     pairs = [_pairs(grid.nodes_of_cell).transpose(0, 3, 1, 2), _pairs(ghost_nodes)]
     row, column = np.concatenate([pair.reshape(2, -1) for pair in pairs], axis=1)

@@ -7,6 +7,7 @@ Time steps use the compiled assembly of `assembly`, which equals these forms.
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -103,8 +104,9 @@ def reference_gradient() -> Array:
     return np.stack([at[..., 0], at[..., 1] - at[..., 0], at[..., 2] - at[..., 0]])
 
 
+@cache
 def reference_ghost() -> Array:
-    """Ghost penalty matrix of a facet between two unit cells, scalar, (6, 6).
+    """Ghost penalty matrix of a facet between two unit cells, scalar, (6, 6); the same for normals along x and y.
 
     The coordinates (normal, tangent) of the six nodes are (-1, 0), (0, 0), (1, 0), (-1, 1), (0, 1), (1, 1).
     """
