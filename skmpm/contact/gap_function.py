@@ -82,7 +82,7 @@ def contacts_with_walls(scene: Scene, near: Neighbours, start: Array, moved: Arr
     wall, c = found[:, :size]
     key = near.numbers.at_walls(wall, c)
     shifts = near.shifts.at(key)
-    now = curve.through(start + moved) if near.shifts.travel.any() else None
+    now = curve.through(start + moved) if shifts.travel.any() else None
     if now is not None:
         feet.slide_on_walls(c, shifts.shift, shifts.travel, np.take(normals, wall, axis=1), now.c, curve.loops)
     doubled = guarded(shifts.shift)
