@@ -284,8 +284,11 @@ def acts_at_grid_nodes(law: ContactFormulation) -> bool:
     return bool(getattr(law, "at_grid_nodes", False))
 
 
-def lookup(known: Ints, values: Array, wanted: Ints, otherwise: float) -> Array:
-    """Values (..., k) of the wanted keys (k,) from those (..., m) of known ones (m,), unique, else `otherwise`."""
+def lookup(known: Ints, values: Array, wanted: Ints, otherwise: float | Array) -> Array:
+    """Values (..., k) of the wanted keys (k,) from those (..., m) of known ones (m,), unique, else `otherwise`.
+
+    The latter is one number, or one for each row (..., 1).
+    """
     if known.size == 0:
         return np.full((*values.shape[:-1], wanted.size), otherwise)
     order = np.argsort(known, kind="stable")  # fast where runs ascend, as keys do

@@ -34,9 +34,9 @@ class Shifts:
 
     def at(self, key: Ints) -> Shifts:
         """Those of the contacts with keys (k,), whether listed or not."""
-        known = np.stack([self.shift, self.sagitta, self.travel])
-        shift, sagitta, travel = lookup(self.key, known, key, 0.0)
-        return Shifts(key, shift, sagitta, travel, lookup(self.key, self.wide_from, key, np.inf))
+        known = np.stack([self.shift, self.sagitta, self.travel, self.wide_from])
+        fixed = np.array([[0.0], [0.0], [0.0], [np.inf]])
+        return Shifts(key, *lookup(self.key, known, key, fixed))
 
 
 def guarded(shift: Array) -> Bools:

@@ -22,8 +22,8 @@ class ContactScale:
 
     def diagonal_of(self, constraints: Constraints) -> Array:
         """The diagonal of W for other contacts, with the median for those that the last solve did not contain."""
-        typical = np.median(self.diagonal, axis=1)
-        diagonal = np.stack([lookup(self.key, self.diagonal[i], constraints.key, float(typical[i])) for i in (0, 1)])
+        typical = np.median(self.diagonal, axis=1, keepdims=True)
+        diagonal = lookup(self.key, self.diagonal, constraints.key, typical)
         return diagonal.T.ravel() if constraints.tangential else diagonal[0]
 
 
