@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +15,7 @@ from skmpm.outline.topology import chunks, ranges
 Names = NDArray[np.str_]
 
 PAIRS = 200_000  # of edges tested for crossing at a time
+ROUND = 1e-14  # relative, of products of differences of positions
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -52,9 +54,9 @@ class Points:
     def __post_init__(self) -> None:
         object.__setattr__(self, "x", np.array(self.x, dtype=np.float64))
         object.__setattr__(self, "volume", np.array(self.volume, dtype=np.float64))
-        object.__setattr__(self, "outline", tuple(np.array(loop, dtype=np.int64) for loop in self.outline))
+        object.__setattr__(self, "outline", tuple(_indices(loop) for loop in self.outline))
         if self.group is not None:
-            object.__setattr__(self, "group", np.array(self.group))
+            object.__setattr__(self, "group", _names(self.group))
 
     def __repr__(self) -> str:
         return f"Points({self.size} points, {len(self.outline)} loops)"
@@ -99,11 +101,27 @@ class Points:
         ValueError
             if these are not n names
         """
-        names = np.asarray(group(self.x.copy()) if callable(group) else group)
-        points = replace(self, group=names)
+        points = replace(self, group=_names(group(self.x.copy()) if callable(group) else group))
         if problem := _check_group(points):
             raise ValueError(f"with_groups: {problem}")
         return points
+
+
+def _indices(loop: ArrayLike) -> Ints:
+    """Indices of points as integers; ValueError if they are no whole numbers."""
+    given = np.array(loop)
+    with np.errstate(invalid="ignore"):
+        whole = given.astype(np.int64)
+    if not np.array_equal(whole, given):
+        raise ValueError(f"Points: outline has a loop {loop!r}; indices of points are whole numbers")
+    return whole
+
+
+def _names(group: ArrayLike) -> Names:
+    """Names as an array of text, if all are texts; anything else as it is, for `check` to refuse."""
+    given = np.array(group)
+    texts = given.dtype.kind == "O" and all(isinstance(name, str) for name in given.ravel().tolist())
+    return cast(Names, given.astype(np.str_) if texts else given)
 
 
 def check(points: Points) -> str | None:
@@ -151,27 +169,34 @@ def _check_loop(x: Array, loop: Ints) -> str | None:
 
 
 def check_crossings(x: Array, outline: Sequence[Ints]) -> str | None:
-    """Edges that cross: the ends of each are on opposite sides of the other."""
+    """Edges that cross: the ends of each are on opposite sides of the other; or edges of one loop that touch."""
     if not outline:
         return None
     start, end = np.concatenate(outline), np.concatenate([np.roll(loop, -1) for loop in outline])
-    a, b, ends = x[:, start], x[:, end], np.cumsum([loop.size for loop in outline])
+    a, b, of = x[:, start], x[:, end], np.repeat(np.arange(len(outline)), [loop.size for loop in outline])
+    bottom, top = np.minimum(a, b), np.maximum(a, b) + ROUND * np.abs(x).max()
     along = np.ptp(a, axis=1).argmax()
-    low, high = np.minimum(a, b)[along], np.maximum(a, b)[along]
+    low, high = bottom[along], top[along]
     number, order = np.arange(start.size), np.argsort(low, kind="stable")
     begun = np.searchsorted(low[order], high[order], side="right")  # edges that begin before each one ends
     count = begun - number - 1
     for part in chunks(count, PAIRS):
         k, j = order[np.repeat(number[part], count[part])], order[ranges(number[part] + 1, count[part])]
-        apart = _side(a[:, k], b[:, k], a[:, j]) * _side(a[:, k], b[:, k], b[:, j]) < 0
-        crossed = apart & (_side(a[:, j], b[:, j], a[:, k]) * _side(a[:, j], b[:, j], b[:, k]) < 0)
-        if crossed.any():
-            k, j = np.sort([k[crossed], j[crossed]], axis=0)[:, 0]
-            edges = f"{start[k]}-{end[k]} and {start[j]}-{end[j]}"
-            one, other = (int(np.searchsorted(ends, edge, side="right")) for edge in (k, j))
-            if one != other:
-                return f"outline loops {one} and {other} cross: edges {edges} (points); move these parts apart"
-            return f"the outline crosses itself: edges {edges} (points); list the boundary points in order"
+        one = _side(a[:, k], b[:, k], a[:, j]) * _side(a[:, k], b[:, k], b[:, j])
+        other = _side(a[:, j], b[:, j], a[:, k]) * _side(a[:, j], b[:, j], b[:, k])
+        crossed = (one < 0) & (other < 0)
+        loop = (of[k] == of[j]) & (start[k] != end[j]) & (end[k] != start[j])
+        meet = (bottom[:, k] <= top[:, j]).all(axis=0) & (bottom[:, j] <= top[:, k]).all(axis=0)
+        touched = loop & meet & (one <= 0) & (other <= 0)
+        if (crossed | touched).any():
+            worst = np.argmax(crossed) if crossed.any() else np.argmax(touched)
+            k, j = sorted((k[worst], j[worst]))
+            edges = f"edges {start[k]}-{end[k]} and {start[j]}-{end[j]} (points)"
+            if of[k] != of[j]:
+                return f"outline loops {of[k]} and {of[j]} cross: {edges}; move these parts apart"
+            if crossed.any():
+                return f"the outline crosses itself: {edges}; list the boundary points in order"
+            return f"the outline touches itself: {edges}; move its parts apart there"
     return None
 
 
@@ -180,7 +205,7 @@ def _side(a: Array, b: Array, p: Array) -> Array:
     left, right = (b[0] - a[0]) * (p[1] - a[1]), (b[1] - a[1]) * (p[0] - a[0])
     # Positions of size |x| are known to eps |x|, so the products of their differences to eps |x| |b - a|.
     length = np.abs(b - a).max(axis=0) * np.abs(p).max(initial=0.0)
-    side: Array = np.where(np.abs(left - right) <= 1e-14 * length, 0.0, np.sign(left - right))
+    side: Array = np.where(np.abs(left - right) <= ROUND * length, 0.0, np.sign(left - right))
     return side
 
 
@@ -191,7 +216,8 @@ def _check_orientation(x: Array, outline: Sequence[Ints]) -> str | None:
         area, kind = signed_area(x[:, loop]), ("an outer loop", "a hole")[depth % 2]
         if area * (-1) ** depth <= 0:
             order = ("counter-clockwise", "clockwise")[depth % 2]
-            return f"outline loop {k} is {kind} with signed area {area:g}; list its points {order}"
+            apart = ", or keep it out of the others" if depth else ""
+            return f"outline loop {k} is {kind} with signed area {area:g}; list its points {order}{apart}"
     return None
 
 

@@ -366,6 +366,9 @@ def test_orders_without_a_rule_are_refused(order):
 
 GOOD = (SQUARE, np.ones(4) / 4)
 RING = np.concatenate((SQUARE * 3, SQUARE + 1), axis=1)
+EIGHT = np.array([[0, 1, 2, 2, 1, 0], [0, 1, 0, 2, 1, 2]], dtype=float)
+ON_EDGE = np.array([[0, 2, 2, 1, 0], [0, 0, 2, 0, 2]], dtype=float)
+SLIT = np.array([[0, 2, 2, 1, 2, 2, 0, 0], [0, 0, 1, 1, 1, 2, 2, 1]], dtype=float)
 SHIFTED = np.concatenate((SQUARE * 3, SQUARE + 2.5), axis=1)
 
 
@@ -387,6 +390,10 @@ SHIFTED = np.concatenate((SQUARE * 3, SQUARE + 2.5), axis=1)
         (Points(*GOOD, [[0, 2, 1, 3]]), "crosses itself"),
         (Points(RING, np.ones(8), [[0, 1, 2, 3], [4, 5, 6, 7]]), "loop 1 is a hole.* clockwise"),
         (Points(SHIFTED, np.ones(8), [[0, 1, 2, 3], [7, 6, 5, 4]]), "loops 0 and 1 cross"),
+        (Points(RING, np.ones(8), [[0, 1, 2, 3], [4, 5, 6, 7]]), "or keep it out of the others"),
+        (Points(EIGHT, np.ones(6), [range(6)]), "touches itself: edges 0-1 and 4-5 .* move its parts apart"),
+        (Points(ON_EDGE, np.ones(5), [range(5)]), "touches itself"),
+        (Points(SLIT, np.ones(8), [range(8)]), "touches itself"),
     ],
 )
 def test_check_says_what_is_wrong(points, words):
@@ -406,6 +413,12 @@ def test_points_are_converted_and_frozen():
     assert points.size == 2
     assert points.x.dtype == points.volume.dtype == np.float64
     assert points.outline[0].dtype == np.int64
+    named = Points(*GOOD, [[0.0, 1.0, 2.0, 3.0]], np.array(["a", "bc", "a", "a"], dtype=object))
+    assert (
+        named.outline[0].dtype == np.int64 and check(named) is None and named.group.tolist() == ["a", "bc", "a", "a"]
+    )
+    with pytest.raises(ValueError, match="whole numbers"):
+        Points(*GOOD, [[0.0, 1.7, 2.0, 3.0]])
     with pytest.raises(AttributeError):
         points.x = points.x
 
