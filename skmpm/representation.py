@@ -42,7 +42,7 @@ def multiples(unit: str) -> dict[str, float]:
 
 def quantity(value: float, unit: str) -> str:
     """A value with a prefixed unit, three digits: 8e-6 s is "8 µs"."""
-    scale, name = prefixed(unit, abs(value))
+    scale, name = prefixed(unit, abs(float(f"{value:.3g}")))
     return f"{value / scale:.3g} {name}"
 
 

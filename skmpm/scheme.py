@@ -100,6 +100,9 @@ class Scheme:
             raise ValueError(
                 f"Scheme: mean_dilatation = {self.mean_dilatation!r}; use True, False, or None (by the material)"
             )
+        for name in ("moment_fitting", "inertia", "mean_dilatation"):  # of numpy, or 0 and 1
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, bool(getattr(self, name)))
         if self.gap_tol < self.contact_tol:
             raise ValueError(
                 f"Scheme: gap_tol = {self.gap_tol} is below contact_tol = {self.contact_tol}, the residual of a"

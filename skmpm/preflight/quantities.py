@@ -93,7 +93,7 @@ def pulled_walls(m: SceneMetrics) -> Reading | None:
     if m.cohesion > 0.0:
         return None
     given = {f"wall {i}": w.pressure if w.force is None else w.force for i, w in enumerate(m.scene.walls)}
-    pulled = {name: by for name, by in given.items() if isinstance(by, int | float) and by < 0.0}
+    pulled = {name: by for name, by in given.items() if not callable(by) and by is not None and by < 0.0}
     return Reading([*pulled], facts={"by": np.array([*pulled.values()])})
 
 
@@ -298,7 +298,8 @@ def lasting_contact(m: SceneMetrics) -> Reading | None:
     """The scheme, if it is not backward Euler where more than two things touch, or something presses them."""
     scene = m.scene
     pressed = has_gravity(scene) or scene.loads or scene.springs
-    lasts = m.touches and (pressed or m.points.size + len(scene.walls) > 2)
+    things = m.points.size + len(scene.walls) + len(scene.supports)
+    lasts = m.touches and (pressed or things > 2)
     return choice(m) if lasts and m.scheme.theta < 1.0 else None
 
 

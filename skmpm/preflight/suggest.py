@@ -11,7 +11,7 @@ from skmpm.arrays import ROUND_OFF, Array, Bools
 from skmpm.material import poisson_ratio, youngs_modulus
 from skmpm.outline.curve import CORNER_COSINE
 from skmpm.outline.measures import turning_angles
-from skmpm.outline.widths import slit_width
+from skmpm.outline.widths import inclined_thickness, slit_width
 from skmpm.points import Points
 from skmpm.preflight.limits import LIMITS
 from skmpm.preflight.metrics import disc_radii
@@ -210,12 +210,17 @@ def _coarsest(scene: Scene, error: float, radius: Array, slender: Bools) -> floa
     `radius` (deformable,) [m] are those of discs of the areas of the bodies.
     """
     boundary, own, count = scene.outlines, scene.deformable, len(scene.bodies)
-    slit = slit_width(boundary, scene.initial_positions[:, boundary.point], count)[own]
+    x, thin_bodies = scene.initial_positions[:, boundary.point], np.zeros(count, dtype=bool)
+    thin_bodies[own] = slender
+    slit, inclined = slit_width(boundary, x, count)[own], inclined_thickness(boundary, x, thin_bodies)
     limit = LIMITS["R/h" if scene.can_touch else "R/h alone"].value
     thin = LIMITS["thin part"].value
     enough = max(thin, THIN_CELLS * (THIN_ERROR / error) ** (1.0 / THIN_POWER))
     thinnest = np.nanmin(scene.thickness[own] / np.where(slender, enough, thin), initial=np.inf)
-    return float(min(radius.min() / limit, thinnest, slit.min() / LIMITS["slit"].value))
+    inclined_enough = LIMITS["inclined thin part"].value
+    return float(
+        min(radius.min() / limit, thinnest, slit.min() / LIMITS["slit"].value, inclined.min() / inclined_enough)
+    )
 
 
 def _arc_radii(scene: Scene) -> Array:

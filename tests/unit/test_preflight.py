@@ -459,6 +459,9 @@ def test_weights_that_are_not_fitted_are_judged_as_they_are():
 
 STIFF = LinearElastic(1e7, 0.45, 990.0)
 THREE = Scene([round_body(), round_body(2.1 * R), round_body(4.2 * R)], cell=H)
+HELD = Scene(
+    [round_body()], cell=H, walls=[Wall((-1.1 * R, 0), (1, 0))], supports=[Support(lambda x: x[0] > 0.99 * R)]
+)
 SUPPORTED = {"supports": [Support(lambda x: x[0] <= -0.99 * R)]}
 
 
@@ -513,6 +516,11 @@ CHOICES = {  # what the warning says first, the scene and scheme that bring it, 
         r"scheme: theta = 0.5 with contact that lasts;",
         (replace(pair(), gravity=(0.0, -9.81)), {"theta": 0.5}),
         [(replace(pair(), gravity=(0.0, -9.81)), {})],
+    ),
+    "midpoint on a support": (
+        r"scheme: theta = 0.5 with contact that lasts;",
+        (HELD, {"theta": 0.5}),
+        [(HELD, {}), (replace(HELD, supports=[]), {"theta": 0.5})],
     ),
     "shared nodes": (
         r"scheme: contact = shared_grid;",
@@ -857,6 +865,7 @@ FLOOR, LID = Wall((0, -1.1 * R), (0, 1)), Wall((0, 1.1 * R), (0, -1), velocity=(
         ({"walls": [FLOOR, LID]}, ["wall moves away"]),
         ({"walls": [FLOOR, LID], "gravity": (0.0, -9.81)}, ["wall moves away"]),
         ({"walls": [FLOOR, Wall((0, 1.1 * R), (0, -1), force=-1.0)]}, ["wall is pulled away"]),
+        ({"walls": [FLOOR, Wall((0, 1.1 * R), (0, -1), force=np.int64(-1))]}, ["wall is pulled away"]),
         ({"walls": [FLOOR, Wall((0, 1.1 * R), (0, -1), force=lambda t: -1.0)]}, []),
         ({"walls": [FLOOR, Wall((0, 1.1 * R), (0, -1), force=-1.0)], "cohesion": 1.0, "cohesion_range": H}, []),
         ({"walls": [FLOOR, LID], "gravity": (0.0, 9.81)}, []),  # bodies fall after it

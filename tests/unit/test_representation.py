@@ -67,7 +67,7 @@ def test_tables_of_notebooks_hold_the_same(pressed):
 @pytest.mark.parametrize(
     ("value", "unit", "text"),
     [(8e-6, "s", "8 µs"), (0.0, "s", "0 s"), (12.0, "s", "12 s"), (1.234e6, "Pa", "1.23 MPa"), (2e-3, "m", "2 mm"),
-     (-3e3, "N/m", "-3 kN/m"), (np.inf, "m", "inf m"), (5.0, "J/m", "5 J/m")],
+     (9.996e-4, "m", "1 mm"), (-3e3, "N/m", "-3 kN/m"), (np.inf, "m", "inf m"), (5.0, "J/m", "5 J/m")],
 )  # fmt: skip
 def test_quantities_have_prefixes(value, unit, text):
     assert quantity(value, unit) == text

@@ -75,6 +75,7 @@ def test_gaps_cannot_be_better_than_the_contact_solves():
 def test_mean_dilatation_is_yes_or_no_or_by_the_material():
     """By Poisson's ratio from 0.4 on, whatever rounding its Lame constants suffer."""
     assert Scheme().mean_dilatation is None
+    assert Scheme(mean_dilatation=np.False_, inertia=0).mean_dilatation is False is Scheme(inertia=0).inertia
     with pytest.raises(ValueError, match=r"mean_dilatation = 'mean'; use True, False, or None \(by the material\)"):
         Scheme(mean_dilatation="mean")
     for law in (LinearElastic, NeoHookean):
