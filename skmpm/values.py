@@ -5,12 +5,18 @@ Raises of all these functions: SceneError, which names the object, the value and
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import copyreg
+from collections.abc import Callable, Mapping
+from dataclasses import fields
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from skmpm.arrays import Array
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 LENGTH = "a length in metres"  # what `positive` asks for
 
@@ -28,6 +34,30 @@ class SceneError(ValueError):
     ...     print(error)
     cell = -1.0; give a cell size in metres, about a fifth of the smallest radius, greater than zero
     """
+
+
+def text_and_attributes(error: BaseException) -> tuple[object, ...]:
+    """What pickles an error whose constructor makes its text from parts: its text and its attributes."""
+    return copyreg.__newobj__, (type(error), *error.args), error.__dict__  # type: ignore[attr-defined]
+
+
+class Given:
+    """A dataclass of what a user gives, as it is when it is made: arrays and lists become tuples, dicts are copied.
+
+    So nothing changes with an array that is written to later, and objects with arrays are equal or not as others.
+    """
+
+    def __post_init__(self: DataclassInstance) -> None:
+        for each in fields(self):
+            object.__setattr__(self, each.name, _kept(getattr(self, each.name)))
+
+
+def _kept(value: object) -> object:
+    if hasattr(value, "__array__"):
+        value = np.asarray(value).tolist()
+    if isinstance(value, Mapping):
+        return {key: _kept(item) for key, item in value.items()}
+    return tuple(map(_kept, value)) if isinstance(value, list | tuple) else value
 
 
 def motion(velocity: ArrayLike | Callable[..., ArrayLike], t: float, name: str = "velocity") -> Array:

@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skmpm.scene import State
+from skmpm.values import text_and_attributes
 
 AnyArray = NDArray[Any]
 
@@ -56,6 +57,8 @@ class CheckpointError(ValueError):
 
     def __init__(self, path: Path, problem: str, remedy: str) -> None:
         super().__init__(f"checkpoint {path}: {problem}; {remedy}")
+
+    __reduce__ = text_and_attributes
 
 
 def save(path: str | Path, state: State) -> None:

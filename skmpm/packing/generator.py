@@ -26,7 +26,7 @@ _SHAKES = 4  # random displacements to leave a jammed state ...
 _SHAKE = 0.05  # ... and their size [mean radius]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Packing:
     """Discs or other shapes in the box [0, width] x [0, height], which may be periodic in one direction or both.
 

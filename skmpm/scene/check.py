@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike
 
 from skmpm.arrays import ROUND_OFF, Array, Ints
 from skmpm.material import ElastoPlastic, Isotropic, Rigid, lacking
-from skmpm.outline import curve
+from skmpm.outline import centroid, curve, outlines, perimeter
+from skmpm.outline.measures import chord_sagitta
 from skmpm.points import Points
 from skmpm.points import check as check_points
 from skmpm.points.cloud import signed_area
@@ -80,7 +81,7 @@ def _check_periodic(scene: Model, periodic: Periodic) -> None:
 def _check_body(name: str, body: Body) -> None:
     if not isinstance(body.points, Points):
         raise SceneError(
-            f"{name}: points is a {type(body.points).__name__}; use skmpm.Points, disc, from_outline or from_mesh"
+            f"{name}: its points are no skmpm.Points; make them by disc, from_outline, from_mesh or skmpm.Points"
         )
     problem = check_points(body.points)
     if problem:
@@ -133,6 +134,15 @@ def _check_outline(name: str, points: Points) -> None:
             f"{name}: its points have a volume of {volume:.4g} m2 in all, its outline bounds {inside:.4g} m2; give"
             " volumes in m2 that add up to the body, and an outline along its boundary"
         )
+    if points.outline:
+        own = outlines([points.outline], offsets=[0])
+        centre = centroid(own, points.x[:, own.point], 1)[:, 0]
+        apart = float(np.hypot(*(np.average(points.x, axis=1, weights=points.volume) - centre)))
+        if apart > np.sqrt(volume / points.size):
+            raise SceneError(
+                f"{name}: the centre of its points is {apart:.3g} m from that of the area in its outline; give points"
+                " that fill this area"
+            )
 
 
 def _check_motion(name: str, body: Body) -> None:
@@ -199,7 +209,11 @@ def _check_overlaps(scene: Model) -> None:
     boundary = scene.outlines
     if boundary.point.size == 0:
         return
-    pairs, _, depth = overlaps(scene, scene.initial_positions[:, boundary.point], scene.initial_box)
+    x, count = scene.initial_positions[:, boundary.point], len(scene.bodies)
+    pairs, area, depth = overlaps(scene, x, scene.initial_box)
+    # Where one cuts the other between its boundary points, a circle in the shared area has this radius at least.
+    around, chords = perimeter(boundary, x, count)[pairs], chord_sagitta(boundary, x, count)[pairs]
+    depth = np.maximum(depth, area / around.min(axis=0) - chords.sum(axis=0))
     if depth.max(initial=0.0) > max(TOUCHING * scene.cell, 1.01 * scene.overlap):
         a, b = pairs[:, np.argmax(depth)]
         if a == b:
@@ -208,8 +222,8 @@ def _check_overlaps(scene: Model) -> None:
                 " the body shorter"
             )
         raise SceneError(
-            f"bodies {a} and {b} overlap at the start: a boundary point lies {depth.max():.3g} m inside;"
-            " move them apart or shrink them, or give Scene(overlap=...), up to a quarter of a cell, if it is meant"
+            f"bodies {a} and {b} overlap by {depth.max():.3g} m at the start; move them apart or shrink them, or give"
+            " Scene(overlap=...), up to a quarter of a cell, if it is meant"
         )
 
 

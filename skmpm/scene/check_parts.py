@@ -7,7 +7,7 @@ from inspect import signature
 
 import numpy as np
 
-from skmpm.arrays import Bools
+from skmpm.arrays import EXACT, Bools
 from skmpm.material import Rigid
 from skmpm.points import Points
 from skmpm.scene.functions import POSITIONS, may_be_functions
@@ -101,7 +101,7 @@ def _listed(names: Mapping[str, object] | list[str]) -> str:
 def check_supports(scene: Model) -> None:
     """Raise SceneError for the first error in the supports."""
     for i, support in enumerate(scene.supports):
-        _check_displacement(f"support {i}", support)
+        _check_displacement(f"support {i}", support, scene.cell)
         _check_rotation(f"support {i}", support, i)
     for i, (free, supported) in enumerate(zip(scene.free_components, scene.supported, strict=True)):
         hint = "; `motion` holds rigid ones"
@@ -128,7 +128,7 @@ def _check_rotation(name: str, support: Support, i: int) -> None:
         return
     if not callable(support.rotation):
         raise SceneError(f"{name}: rotation = {support.rotation!r}; give a function of time t -> angle [rad]")
-    if (angle := support_angle(support, 0.0, i)) != 0.0:
+    if abs(angle := support_angle(support, 0.0, i)) > EXACT:
         raise SceneError(f"{name}: rotation at t = 0 is {angle:g}; give the angle since then, zero at t = 0")
     if support.centre is not None:
         vector(f"{name}: centre", support.centre)
@@ -136,7 +136,7 @@ def _check_rotation(name: str, support: Support, i: int) -> None:
         raise SceneError(f"{name}: a component is None beside a rotation, whose centre moves as given; give both")
 
 
-def _check_displacement(name: str, support: Support) -> None:
+def _check_displacement(name: str, support: Support, cell: float) -> None:
     if support.displacement is None:
         return
     if not callable(support.displacement):
@@ -144,7 +144,7 @@ def _check_displacement(name: str, support: Support) -> None:
     if np.array(support.velocity, dtype=object).tolist() != [0.0, 0.0]:
         raise SceneError(f"{name}: velocity = {support.velocity} and displacement; give one of them")
     start = prescribed_components(support, 0.0, f"{name}: displacement")
-    if np.nan_to_num(start).any():
+    if np.abs(np.nan_to_num(start)).max() > EXACT * cell:
         raise SceneError(f"{name}: displacement at t = 0 is {start}; give the displacement since then, zero at t = 0")
 
 

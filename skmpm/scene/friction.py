@@ -123,10 +123,9 @@ def _table(scene: Layout) -> tuple[_Entries, float | None]:
             continue
         if not (isinstance(key, tuple) and len(key) == 2 and all(isinstance(name, str) for name in key)):
             raise SceneError(f"friction: {key!r} is not a pair of names; give a table as {EXAMPLE}")
-        if table.setdefault(frozenset(key), not_negative(f"friction of {key}", value, COEFFICIENT)) != value:
-            raise SceneError(
-                f"friction of {key} is given twice, as {table[frozenset(key)]:g} and {value:g}; keep one"
-            )
+        mu = not_negative(f"friction of {key}", value, COEFFICIENT)
+        if table.setdefault(frozenset(key), mu) != mu:
+            raise SceneError(f"friction of {key} is given twice, as {table[frozenset(key)]:g} and {mu:g}; keep one")
     default = scene.friction.get(DEFAULT)
     return table, None if default is None else not_negative("friction: default", default, COEFFICIENT)
 

@@ -21,13 +21,13 @@ from skmpm.outline.images import Images, images
 from skmpm.outline.widths import thickness
 from skmpm.scene.objects import Body, Load, Pressure, Spring, Support, Wall, rigid_motion
 from skmpm.scene.periodic import Periodic
-from skmpm.values import motion, scalar
+from skmpm.values import Given, motion, scalar
 
 MAX_THICKNESS_SHARE = 0.25  # of the thinnest part that a point may move through in one step
 
 
 @dataclass(frozen=True, repr=False)
-class Layout:
+class Layout(Given):
     """The fields of a scene, which `Scene` describes: bodies, their points and outlines, and walls."""
 
     bodies: Sequence[Body]

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from skmpm.arrays import Array, Ints
 from skmpm.material import Material, MaterialWithMemory, Rigid
 from skmpm.points import Points
-from skmpm.values import components
+from skmpm.values import Given, components
 
 Motion = Callable[[float], ArrayLike]  # time [s] -> (2,)
 Components = Sequence[float | None] | ArrayLike  # of a motion; None is free
@@ -23,7 +23,7 @@ Rest = float | ArrayLike | Callable[[float], ArrayLike] | None  # of a spring
 
 
 @dataclass(frozen=True)
-class Body:
+class Body(Given):
     """A cloud of material points of one material, or of several.
 
     Parameters
@@ -67,10 +67,6 @@ class Body:
     friction: float | None = field(default=None, kw_only=True)
     name: str | None = field(default=None, kw_only=True)
 
-    def __post_init__(self) -> None:
-        if isinstance(self.material, Mapping):
-            object.__setattr__(self, "material", dict(self.material))
-
     @property
     def parts(self) -> tuple[Part, ...]:
         """The deformable materials of the body, each with its points; none of a rigid body."""
@@ -90,7 +86,7 @@ class Body:
 
 
 @dataclass(frozen=True)
-class Wall:
+class Wall(Given):
     """A rigid half-plane through `point`; `normal`, of any length, points to the free side.
 
     It moves with a given velocity or, along its normal, by a force or a pressure; its velocity along the normal is
@@ -141,7 +137,7 @@ class Wall:
 
 
 @dataclass(frozen=True)
-class Support:
+class Support(Given):
     """A prescribed velocity or displacement of the points of deformable bodies where `where(x)` is true at t = 0.
 
     It has no effect on rigid bodies whose motion is prescribed whole, and is refused at points of others.
@@ -192,7 +188,7 @@ class Support:
 
 
 @dataclass(frozen=True)
-class Load:
+class Load(Given):
     """A dead load on the points of bodies that forces move where `where(x)` is true at t = 0.
 
     It is spread by boundary length if only boundary points match, else by volume. On a rigid body it acts by its
@@ -219,7 +215,7 @@ class Load:
 
 
 @dataclass(frozen=True)
-class Pressure:
+class Pressure(Given):
     """A pressure on the boundary of deformable bodies where `where(x)` is true at t = 0; it follows the normals.
 
     It acts on the segments between boundary points at both of which `where` is true; at points of free rigid
@@ -255,7 +251,7 @@ class Pressure:
 
 
 @dataclass(frozen=True)
-class Spring:
+class Spring(Given):
     """A linear spring on the points of deformable bodies where `where(x)` is true at t = 0.
 
     Without `to` it is a bed to ground: every point is held at its position at t = 0 by a share of the stiffness, by

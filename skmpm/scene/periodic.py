@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import expm
 
 from skmpm.arrays import Array, Ints
-from skmpm.values import SceneError, numbers, positive
+from skmpm.values import Given, SceneError, numbers, positive
 
 Tensor = ArrayLike | Callable[[float], ArrayLike]
 
@@ -25,7 +25,7 @@ COMPONENTS = np.array([[0, 1, 0], [0, 1, 1]])  # of L that a stress may determin
 
 
 @dataclass(frozen=True)
-class Periodic:
+class Periodic(Given):
     """A periodic box of rectangular shape at t = 0: what leaves it on one side enters it on the other.
 
     With ``Periodic(width, None)`` or ``Periodic(None, height)`` it is periodic in one direction, and walls along that
@@ -110,11 +110,15 @@ class Periodic:
         if self.stress is None:
             return np.zeros(0)
         stress = _tensor("stress", self.stress, t)
+        at = f" at t = {t:.6g} s" if callable(self.stress) else ""
+        if not np.array_equal(stress[0, 1], stress[1, 0], equal_nan=True):
+            raise SceneError(
+                f"periodic: stress{at} = {stress.tolist()} is not symmetric; give the same shear stress twice, or nan"
+            )
         pattern = ~np.isnan(_tensor("stress", self.stress, 0.0))
         if not (np.isfinite(stress) == pattern).all():
             raise SceneError(
-                f"periodic: stress = {stress.tolist()} at t = {t:.6g} s; a component is given always or never, as a"
-                " finite number"
+                f"periodic: stress{at} = {stress.tolist()}; a component is given always or never, as a finite number"
             )
         return np.asarray(stress[tuple(self.components)])
 
@@ -138,11 +142,6 @@ class Periodic:
         if self.mass is not None:
             positive("periodic: mass", self.mass, "a mass per metre of thickness in kg/m, or None")
         if self.stress is not None:
-            stress = _tensor("stress", self.stress, 0.0)
-            if not np.array_equal(stress[0, 1], stress[1, 0], equal_nan=True):
-                at = " at t = 0" if callable(self.stress) else ""
-                given = f"periodic: stress{at} = {stress.tolist()}"
-                raise SceneError(f"{given} is not symmetric; give the same shear stress twice, or nan")
             self.stress_at(0.0)
             if self.components.size == 0:
                 raise SceneError("periodic: stress has no component that is not nan; give one, or only a rate")

@@ -98,6 +98,7 @@ class Scene(Model):
             if not isinstance(several, Iterable):
                 raise SceneError(f"{name}: expected a list, got a {type(several).__name__}")
             object.__setattr__(self, name, tuple(several))
+        super().__post_init__()
         check(self)
 
     def __repr__(self) -> str:

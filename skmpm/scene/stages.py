@@ -259,7 +259,7 @@ def _given_anew(old: Any, new: Any, x: Array) -> bool:
     if new is old:
         return False
     was, now = (each(x.copy()) if callable(each) else np.reshape(each, (-1, 1)) for each in (old, new))
-    return bool(np.any(now) and not np.allclose(was, now))
+    return bool(np.any(now) and np.any(was != now))
 
 
 def _memories(scene: Scene) -> NDArray[np.object_]:

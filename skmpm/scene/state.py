@@ -12,11 +12,12 @@ from skmpm.grid.supports import Elimination
 from skmpm.representation import line, quantity, table, with_shapes
 from skmpm.scene.prescribed import centres
 from skmpm.scene.report import Report, StepControl
+from skmpm.values import text_and_attributes
 
 MOST_BODIES = 2**32  # of a scene, so that pairs of them have numbers
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Contacts:
     """The contacts at the end of a step; walls are bodies -1, -2, ...
 
@@ -141,8 +142,10 @@ class StepFailed(RuntimeError):  # noqa: N818  (public name)
         self.problem, self.state, self.remedy = problem, state, remedy
         self.retryable, self.retries = retryable, retries
 
+    __reduce__ = text_and_attributes
 
-@dataclass(frozen=True, repr=False)
+
+@dataclass(frozen=True, eq=False, repr=False)
 class State:
     """Everything needed for a restart; arrays are read-only by convention.
 

@@ -85,7 +85,7 @@ def step(scene: Scene, state: State, dt: float, *, scheme: Scheme = Scheme()) ->
     check_contact("step", scene, scheme)
     check_driven("step", scene)
     check_time("step: dt", dt, SHORTEST, "a time step greater than zero")
-    timer, start = Timer(), state
+    timer, start, dt = Timer(), state, float(dt)
     state, regridded = regridded_state(scene, start, scheme)
     state = with_fluids(scene, state, state.t + scheme.theta * dt)
     motions = prescribed_velocities(scene, state.t, dt, state.box)

@@ -68,7 +68,7 @@ def test_entry_precedes_own_coefficient_and_that_the_default():
         ([{"friction": 0.2}, {"friction": 0.3}], [], 0.0, "body 0 gives friction = 0.2 and body 1 0.3"),
         ([{"friction": -0.2}], [], 0.0, "body 0: friction = -0.2; give a Coulomb coefficient of zero or more"),
         ([{}], [{"friction": "rough"}], 0.0, "wall 0: friction = 'rough'"),
-        ([{}], [{"friction": [0.1, 0.2]}], 0.0, "wall 0: friction = [0.1, 0.2]; give a Coulomb coefficient"),
+        ([{}], [{"friction": [0.1, 0.2]}], 0.0, "wall 0: friction = (0.1, 0.2); give a Coulomb coefficient"),
         ([{}], [], np.nan, "friction between bodies = nan"),
         ([{"name": 3}], [], 0.0, "body 0: name = 3; give text"),
         (

@@ -1,5 +1,6 @@
 """Invalid scenes are refused before any step, with the object, the value and the remedy."""
 
+import pickle
 import re
 
 import meshio
@@ -7,11 +8,12 @@ import numpy as np
 import pytest
 
 import skmpm
+from skmpm.io import CheckpointError, load
 from skmpm.linear import Banded
 from skmpm.material import LinearElastic, NeoHookean, Rigid
 from skmpm.points import Points, box, disc, from_mesh
 from skmpm.preflight import preflight
-from skmpm.scene import Body, Load, Periodic, Pressure, Scene, SceneError, Spring, Support, Wall
+from skmpm.scene import Body, Load, Periodic, Pressure, Scene, SceneError, Spring, StepFailed, Support, Wall
 from skmpm.scheme import Scheme
 from skmpm.simulation import simulate
 from skmpm.step.algorithm import step
@@ -20,6 +22,7 @@ from skmpm.step.initial_state import initial
 R, CELL = 1.0, 0.4
 GEL = NeoHookean(1e6, 0.3, 1000.0)
 ROUND = disc((0.0, 0.0), R, spacing=0.4)
+FINE = disc((0.0, 0.05), R, spacing=0.2)
 
 
 def at(x, y=0.0, radius=R):
@@ -82,7 +85,7 @@ BAD = {
     "points turned": (lambda: scene(Points(ROUND.x.T, ROUND.volume)), r"body 0.*components first"),
     "volumes missing": (lambda: scene(Points(ROUND.x, ROUND.volume[1:])), "body 0.*one volume per point"),
     "volume zero": (lambda: scene(Points(ROUND.x, 0.0 * ROUND.volume)), "body 0.*volume of point 0 is 0"),
-    "no Points": (lambda: scene(ROUND.x), "body 0.*points is a ndarray.*disc"),
+    "no Points": (lambda: scene(ROUND.x), "body 0: its points are no skmpm.Points; make them by disc"),
     "clockwise outline": (
         lambda: scene(Points(ROUND.x, ROUND.volume, (ROUND.outline[0][::-1],))),
         "body 0.*outline loop 0.*counter-clockwise",
@@ -128,9 +131,19 @@ BAD = {
     "walls alone": (lambda: scene(walls=Wall((0, -1), (0, 1))), "walls: expected a list, got a Wall"),
     "overlap": (
         lambda: scene(others=[Body(at(1.9 * R), GEL)]),
-        r"bodies 0 and 1 overlap.* lies 0\.\d+ m inside; move them apart.*Scene\(overlap=",
+        r"bodies 0 and 1 overlap by 0\.\d+ m at the start; move them apart.*Scene\(overlap=",
     ),
-    "overlap by more than is meant": (lambda: pair(1.95, 0.04), "lies 0.0[45].* inside"),
+    "a plate through a disc between its points": (
+        lambda: scene(FINE, others=[Body(box((-11.0, -0.025), (25.0, 0.05), spacing=5.0), Rigid(1.0))]),
+        "bodies 0 and 1 overlap by 0.01",
+    ),
+    "points beside their outline": (
+        lambda: scene(
+            Points(ROUND.x + [[1.0], [0.0]] * ~np.isin(range(ROUND.size), ROUND.outline), ROUND.volume, ROUND.outline)
+        ),
+        r"body 0: the centre of its points is 0\.[6-9]\d* m from that of the area in its outline",
+    ),
+    "overlap by more than is meant": (lambda: pair(1.95, 0.04), "overlap by 0.0[45].* at the start"),
     "overlap by more than a quarter of a cell": (
         lambda: pair(1.8, 0.3),
         "overlap = 0.3 m is 0.75 cells; give at most a quarter",
@@ -411,3 +424,46 @@ def test_a_punch_with_fillets_lies_flush_on_a_slab(spacing):
     contacts = initial(both, scheme=Scheme(inertia=False)).contacts
     under = np.abs(contacts.x[0]) < 4.0 + 1e-9
     assert under.sum() > 2.0 / spacing and np.abs(contacts.gap[under]).max() < 1e-6 * spacing
+
+
+def test_what_is_written_to_arrays_and_lists_later_changes_nothing():
+    v, g, rate, table = np.zeros(2), np.array([0.0, -9.81]), [[0.0, 1.0], [0.0, 0.0]], {("a", "b"): 0.1, "default": 0}
+    one, other = Body(ROUND, GEL, velocity=v, name="a"), Body(at(3), GEL, name="b", spin=np.float32(2.0))
+    below, above = Wall(np.array([0.0, -9.0]), [0, 1], velocity=v, force=None), Wall((0, 9), np.array([0.0, -1.0]))
+    springs = [Spring(lambda x: x[0] > 0, stiffness=np.array([1.0, 2.0]))]
+    made = Scene([one, other], cell=CELL, walls=[below, above], springs=springs, gravity=g, friction=table)
+    sheared = Periodic(9.0, 9.0, rate=rate)
+    v[:], g[:], rate[0][1], table["default"] = 1.0, 2.0, 3.0, 4.0
+    springs.clear()
+    assert made.gravity == (0.0, -9.81) and made.friction["default"] == 0
+    assert one.velocity == below.velocity == (0.0, 0.0) and sheared.rate == ((0.0, 1.0), (0.0, 0.0))
+    assert len(made.springs) == 1 and made.springs[0].stiffness == (1.0, 2.0)
+    assert type(other.spin) is float
+    assert Wall(np.zeros(2), np.array([0.0, 1.0])) == Wall((0, 0), (0, 1)) != below
+    assert initial(made) != initial(made)  # states are compared as objects
+
+
+def test_errors_that_are_pickled_keep_their_text_and_attributes():
+    """As between processes. StepFailed carries a state, CheckpointError is made of three texts."""
+    pulled = Scene([Body(ROUND, GEL)], cell=CELL, loads=[Load(lambda x: x[1] > 0, (0, 1e3))])
+    with pytest.raises(StepFailed) as failed:
+        step(pulled, initial(pulled), 1.0, scheme=Scheme(max_newton=1))
+    with pytest.raises(CheckpointError) as unreadable:
+        load(__file__)
+    again, other = (pickle.loads(pickle.dumps(each.value)) for each in (failed, unreadable))
+    assert str(again) == str(failed.value) and again.problem == failed.value.problem and again.retryable
+    np.testing.assert_array_equal(again.state.x, failed.value.state.x)
+    assert type(other) is CheckpointError and str(other) == str(unreadable.value)
+
+
+def test_time_is_a_float_whatever_the_type_of_dt():
+    state = step(scene(), initial(scene()), np.float32(0.125))
+    assert type(state.t) is float and state.t == 0.125
+
+
+def test_what_is_prescribed_may_begin_at_zero_but_for_round_off():
+    almost = 1e-5 * np.sin(np.pi * 1.0)  # 1e-21
+    Scene([Body(ROUND, GEL)], cell=CELL, supports=[
+        Support(lambda x: x[0] > 0.9, displacement=lambda t: (almost, 0.0)),
+        Support(lambda x: x[0] < -0.9, rotation=lambda t: almost),
+    ])  # fmt: skip

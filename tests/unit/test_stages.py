@@ -195,6 +195,10 @@ def test_supports_that_are_described_anew_go_on():
             r"continued: body 1 of the new scene has another velocity, .* dataclasses.replace\(state, v=",
         ),
         (
+            lambda s: replace(s, bodies=[s.bodies[0], replace(s.bodies[1], velocity=(5e-9, 0.0))]),
+            "continued: body 1 of the new scene has another velocity",
+        ),
+        (
             lambda s: replace(s, bodies=[replace(s.bodies[0], spin=3.0), s.bodies[1]]),
             "continued: body 0 of the new scene has another spin",
         ),
