@@ -149,7 +149,7 @@ def blocks_of(scene: Scene, state: State) -> dict[str, PolyData]:
         "points": _points(scene, state, shift),
         "bodies": _bodies(scene, state, shift),
         "contacts": _contacts(scene, state, shift),
-        "walls": _walls(state),
+        "walls": _walls(state, state.x + shift[:, state.body]),
     }
     return blocks if state.box is None else blocks | {"box": _box(state.box)}
 
@@ -206,9 +206,9 @@ def _contacts(scene: Scene, state: State, shift: Array) -> PolyData:
     return PolyData(_in_space(ends.reshape(-1, 2).T), {"Lines": number.reshape(-1, 2)}, {}, data)
 
 
-def _walls(state: State) -> PolyData:
-    """A line for each wall near the bodies."""
-    lines, walls = wall_lines(state.walls, state.wall_normals, view_of(state.x, state.walls, state.wall_normals))
+def _walls(state: State, x: Array) -> PolyData:
+    """A line for each wall near the points where they are shown, x (2, n) [m]."""
+    lines, walls = wall_lines(state.walls, state.wall_normals, view_of(x, state.walls, state.wall_normals))
     point, normal = state.walls[walls].T, state.wall_normals[walls].T
     force = _in_space(state.wall_force[walls].T)
     data = {"wall": -1 - walls, "point": _in_space(point), "normal": _in_space(normal), "force": force}

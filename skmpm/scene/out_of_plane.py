@@ -15,20 +15,30 @@ from skmpm.scene.state import State
 def stress_zz(scene: Scene, state: State) -> Array:
     """Out-of-plane Cauchy stress of plane strain, (n,) [Pa]; nan where a material does not say, 0 in rigid bodies.
 
-    Linear materials: nu (sigma_xx + sigma_yy); others have it from their `stress_zz`. Where dilatation is averaged,
-    the pressure is that of the mean dilatation and not of the deformation gradient of the point: what it adds to the
-    mean stress in the plane it adds to the one out of it.
+    Where dilatation is averaged, the pressure is that of the mean dilatation and not of the deformation gradient of
+    the point: what it adds to the mean stress in the plane it adds to the one out of it. So that of linear materials
+    is (sigma_xx + sigma_yy) / 2 - mu tr(F - I), and where body grids have been built again, so that their strain
+    is no function of F, nu (sigma_xx + sigma_yy), which is that of the point. Others have it from their `stress_zz`.
     """
     out = np.zeros(state.x.shape[1])
     deformable = np.flatnonzero(scene.deformable[scene.owner])
     for material, points in scene.points_by_material:
         own = deformable[points]
         if is_linear(material):
-            out[own] = poisson_ratio(material) * (state.stress[0, 0, own] + state.stress[1, 1, own])
+            out[own] = _of_linear(material, state, own)
         else:
             known = getattr(material, "stress_zz", None)
             out[own] = np.nan if known is None else _by_material(known, material, state, own)
     return out
+
+
+def _of_linear(material: Material, state: State, own: Ints) -> Array:
+    """The out-of-plane stress of a linear material at some points."""
+    in_plane = state.stress[0, 0, own] + state.stress[1, 1, own]
+    if (state.F_anchor[:, :, own] != np.eye(2)[:, :, None]).any():
+        return np.asarray(poisson_ratio(material) * in_plane)
+    _, mu = material.lame
+    return np.asarray(0.5 * in_plane - mu * (state.F[0, 0, own] + state.F[1, 1, own] - 2.0))
 
 
 def _by_material(known: Callable[..., Array], material: Material, state: State, own: Ints) -> Array:

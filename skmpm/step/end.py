@@ -144,10 +144,11 @@ def end_of_step(increment: Increment, solution: Solution, motions: PrescribedVel
 def _configuration_at_end(increment: Increment, solution: Solution) -> Configuration:
     """The configuration at the end of the step: with theta = 1 that of the stresses.
 
-    Viscous forces depend on its round-off, which a state that was loaded from a file does not know.
+    Viscous forces and statics depend on its round-off, which a state that was loaded from a file does not know.
     """
     moved = increment.dt * solution.w
     displacement, scalars = increment.displacement_at_start + increment.on_nodes(moved), increment.of_scalars(moved)
-    if increment.scheme.theta == 1.0 and not any(viscosity_of(material) for material, _ in increment.bulk.materials):
+    viscous = any(viscosity_of(material) for material, _ in increment.bulk.materials)
+    if increment.scheme.theta == 1.0 and increment.scheme.inertia and not viscous:
         return solution.configuration.translated(displacement, scalars)
     return increment.bulk.at(displacement, scalars)

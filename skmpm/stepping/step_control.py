@@ -110,7 +110,7 @@ def advance_with_retries(scene: Scene, state: State, until: float, scheme: Schem
             continue
         report = replace(after.report, retries=len(failures))
         shortened = dt < (1.0 - ROUND_OFF) * _step_of(state.step_control)
-        control, t = _after_success(state.step_control, shortened), float(until) if ends else after.t
+        control, t = _after_success(state.step_control, shortened), float(until) if ends else _on_grid(after)
         return replace(after, t=t, report=report, step_control=control), failures
 
 
@@ -160,6 +160,16 @@ def advance_with_chosen_step(
         chosen = min(chosen, BELOW * by_loss, by_motion * float(np.clip(growth, 1.0 / MAX_CHANGE, 1.0)))
         t = float(until) if left - length <= ROUND_OFF * length else after.t
         return replace(after, t=t, report=report, step_control=replace(state.step_control, chosen=chosen)), failures
+
+
+def _on_grid(state: State) -> float:
+    """The time of a state [s], as a whole number of parts of the requested step if it is one.
+
+    Round-off of sums would add up: after 100,000 steps of 0.1 ms the last one would be divided in two.
+    """
+    dt, began = state.step_control.dt, state.step_control.began
+    count = (state.t - began) / dt * PARTS
+    return began + round(count) / PARTS * dt if abs(count - round(count)) <= ROUND_OFF * PARTS else state.t
 
 
 def _check_equilibrium(scene: Scene, state: State, dt: float, scheme: Scheme) -> None:

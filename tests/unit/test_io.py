@@ -23,8 +23,8 @@ from skmpm.io import CheckpointError, checkpoint, load, read, record, save
 from skmpm.io import blocks as vtkhdf
 from skmpm.material import LinearElastic, NeoHookean, Rigid
 from skmpm.observe import network, observe
-from skmpm.points import Points, disc
-from skmpm.scene import Body, Contacts, Report, Scene, State, Wall
+from skmpm.points import Points, box, disc
+from skmpm.scene import Body, Contacts, Periodic, Report, Scene, State, Support, Wall, stress_zz
 from skmpm.scheme import Scheme
 from skmpm.step.algorithm import step
 from skmpm.step.initial_state import initial
@@ -345,6 +345,17 @@ def test_a_restart_is_bit_exact(tmp_path, material, scheme):
     assert_same(again[-1], straight[-1], without=("seconds", "report.factorisations"))
 
 
+def test_a_static_run_goes_on_to_the_bit(tmp_path):
+    """Two discs that nothing holds but a floor and a lid: their equilibria depend on round-off of the strains."""
+    bodies = [Body(disc((0.0, y), 1e-3, spacing=2.5e-4), NeoHookean(1e6, 0.3, 1000.0)) for y in (1e-3, 3e-3)]
+    walls = [Wall((0, 0), (0, 1)), Wall((0, 4e-3), (0, -1), velocity=(0, -0.1))]
+    scene, static = Scene(bodies, cell=3e-4, walls=walls, friction=0.5), Scheme(inertia=False)
+    straight = run(scene, 5, scheme=static, dt=1e-4)
+    save(tmp_path / "s", straight[3])
+    again = run(scene, 2, load(tmp_path / "s"), static, dt=1e-4)
+    assert_same(again[-1], straight[-1], without=("seconds", "report.factorisations"))
+
+
 # --- recordings ---
 
 
@@ -573,6 +584,33 @@ def test_out_of_plane_stress_is_that_of_plane_strain(tmp_path, law):
     write(tmp_path / "s", scene, [state])
     zz = read(tmp_path / "s")[0].points["stress"][2, 2]
     np.testing.assert_allclose(zz, scene.bodies[0].material.lame[0] * np.trace(eps), rtol=1e-4)
+
+
+@pytest.mark.parametrize("nu", [0.45, 0.499])
+def test_out_of_plane_stress_has_the_mean_dilatation_as_the_plane_has(nu):
+    """A block squeezed between rough plates by 1e-6, where both laws are one: zz differed by 9 % of the largest."""
+    stress = []
+    for law in (LinearElastic, NeoHookean):
+        plates = [
+            Support(lambda x: x[1] < 1e-9),
+            Support(lambda x: x[1] > 1.0 - 1e-9, displacement=lambda t: (0, -t)),
+        ]
+        block = Scene([Body(box((0, 0), (1, 1), spacing=1 / 16), law(1e6, nu, 1e3))], cell=1 / 8, supports=plates)
+        scheme = Scheme(inertia=False, newton_tol=1e-9)
+        state = step(block, initial(block, scheme=scheme), 1e-6, scheme=scheme)
+        stress.append(np.stack([state.stress[0, 0], stress_zz(block, state)]))
+    np.testing.assert_allclose(*stress, rtol=0.0, atol=1e-4 * np.abs(stress[1]).max())
+
+
+def test_walls_are_where_the_bodies_are_in_a_periodic_box(tmp_path):
+    """After seven periods both are shown in the first."""
+    plates = [Wall((0, 0), (0, 1)), Wall((0, 2e-3), (0, -1))]
+    body = Body(disc((30e-3, 1e-3), 1e-3, spacing=2e-4), NeoHookean(1e6, 0.3, 1000.0))
+    scene = Scene([body], cell=4e-4, walls=plates, periodic=Periodic(4e-3, None))
+    write(tmp_path / "s", scene, [initial(scene)])
+    (frame,) = read(tmp_path / "s")
+    x = frame.walls["lines"][:, :, 0]
+    assert x.min() < frame.x[0].min() and frame.x[0].max() < x.max() < 8e-3
 
 
 def test_bodies_with_holes_get_lines_and_rigid_bodies_no_stress(tmp_path):

@@ -61,6 +61,15 @@ def test_without_failures_every_step_is_a_full_one_and_made_once(monkeypatch):
     assert all(s.report.retries == 0 and s.step_control.halvings == 0 for s in states)
 
 
+def test_round_off_of_times_does_not_add_up(monkeypatch):
+    """After 12,000 steps of 1 ms a table with a row for each had left one out. Some steps fail, and are divided."""
+    scripted(monkeypatch, lambda t, dt: 0.01 < t < 0.02 and dt > 4e-4)
+    states = list(simulate(free(), dt=1e-3, until=12.0, warn=False))
+    full = np.array([state.t for state in states if not state.step_control.part])
+    assert full.size == 12_000
+    np.testing.assert_array_equal(full, 1e-3 * np.arange(1, 12_001))
+
+
 def test_a_failed_step_is_halved_until_it_succeeds_and_doubled_at_multiples_of_full_steps(monkeypatch):
     """Steps longer than dt/4 fail before t = 4 dt: then quarters, halves, and full ones that begin at whole dt."""
     tried = scripted(monkeypatch, lambda t, dt: t < 4 * DT and dt > DT / 4)
@@ -411,6 +420,17 @@ def test_the_handler_of_sigterm_is_put_back(tmp_path):
     next(run)
     assert signal.getsignal(signal.SIGTERM) is not before
     run.close()
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
+def test_sigterm_ends_a_run_after_another_one_has_ended(tmp_path):
+    before = signal.getsignal(signal.SIGTERM)
+    one, other = (simulate(free(), dt=DT, until=3 * DT, checkpoint=tmp_path / name) for name in "ab")
+    next(one), next(other)
+    ours = signal.getsignal(signal.SIGTERM)
+    one.close()
+    assert signal.getsignal(signal.SIGTERM) is ours is not before
+    other.close()
     assert signal.getsignal(signal.SIGTERM) is before
 
 
