@@ -212,7 +212,7 @@ class _Search:
     def __init__(self, still: Scene, pressure: float | None) -> None:
         self.still = still
         self.pressure = pressure
-        self.wanted = JAMMED * float(still.first_moduli.max()) if pressure is None else pressure  # [Pa]
+        self.wanted = JAMMED * still.largest_modulus if pressure is None else pressure  # [Pa]
         self.rows: list[tuple[float, ...]] = []  # as `COLUMNS`
 
     def at_rest(self, state: State) -> _Packing:

@@ -130,7 +130,7 @@ def moduli(scene: Scene, state: State, *, strain: float = STRAIN, held: bool = F
     still = strained(_held(scene) if held else scene, np.zeros((2, 2)))
     rest = _at_rest(still, state)
     seen = observe(still, rest)
-    if not seen.pressure > ROUND_OFF * scene.first_moduli.max():
+    if not seen.pressure > ROUND_OFF * scene.largest_modulus:
         raise SceneError(
             f"moduli: the packing bears no pressure ({seen.pressure:.3g} Pa) in the box of the state; give a packing"
             " under pressure"

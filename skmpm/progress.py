@@ -84,7 +84,8 @@ def _motion(scene: Scene, start: State, state: State) -> list[str]:
     parts = ["quasi-static" if energy.kinetic <= SLOW * energy.elastic else "dynamic"]
     area, stroke = between_walls(state).area, float(np.hypot(*(state.walls - start.walls).T).max(initial=0.0))
     if np.isfinite(area):
-        parts.append(f"solid fraction {scene.initial_volumes.sum() / area:.3f}")
+        solid = scene.initial_volumes[scene.inside[scene.owner]].sum()
+        parts.append(f"solid fraction {solid / area:.3f}")
     elif stroke > 0.0:
         parts.append(f"stroke {quantity(stroke, 'm')}")
     return parts

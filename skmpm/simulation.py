@@ -24,6 +24,7 @@ from skmpm.scene import (
     SceneError,
     State,
     StepFailed,
+    at_rest,
     check_fits,
     check_initial_positions,
     check_scene,
@@ -189,16 +190,15 @@ def _velocities_of_statics(scene: Scene, state: State) -> str | None:
     """The warning of velocities that a quasi-static step left, where they are no slow motion."""
     if state.report.inertia:
         return None
-    elastic, relative = state.report.energy.elastic, state.v
-    if state.box_rate is not None:
-        relative = relative - state.box_rate @ state.x
-    of_walls = normal_speeds(scene, state.wall_velocity)
+    still, elastic = at_rest(scene, state), state.report.energy.elastic
+    relative, of_walls = state.v - still.v, normal_speeds(scene, state.wall_velocity - still.wall_velocity)
     kinetic = 0.5 * float(state.mass @ (relative**2).sum(axis=0) + scene.wall_masses @ of_walls**2)
+    fastest = max(np.hypot(*relative).max(), np.abs(of_walls).max(initial=0.0))
     if kinetic <= SLOW * elastic:
         return None
     return (
         "simulate: start is the state of a quasi-static step, whose velocities are displacements over its length, up"
-        f" to {max(np.hypot(*state.v).max(), np.abs(of_walls).max(initial=0.0)):.3g} m/s; they have inertia from here"
+        f" to {fastest:.3g} m/s; they have inertia from here"
         f" on: {kinetic / max(elastic, 1e-300):.2g} times the elastic energy. For a start from rest give"
         " start = skmpm.at_rest(scene, state)"
     )
@@ -261,15 +261,23 @@ def _usual_step(state: State) -> float:
 @contextmanager
 def exit_at_sigterm(*, wanted: bool) -> Iterator[None]:
     """Raise SystemExit at SIGTERM, which batch systems send before they kill, unless the caller handles it."""
-    if not (wanted and current_thread() is main_thread() and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL):
+    ours = signal.getsignal(signal.SIGTERM) in (signal.SIG_DFL, _exit)
+    if not (wanted and current_thread() is main_thread() and ours):
         yield
         return
+    run = object()
+    _RUNS.append(run)
     signal.signal(signal.SIGTERM, _exit)
     try:
         yield
     finally:
-        if current_thread() is main_thread() and signal.getsignal(signal.SIGTERM) is _exit:
+        _RUNS.remove(run)
+        last = not _RUNS and signal.getsignal(signal.SIGTERM) is _exit
+        if last and current_thread() is main_thread():
             signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+_RUNS = list[object]()  # that end at SIGTERM
 
 
 def _exit(number: int, frame: FrameType | None) -> None:

@@ -101,9 +101,7 @@ def _named(seen: Snapshot, name: str) -> Field:
 
 def limits_of(seen: Snapshot, fields: Sequence[Field]) -> Limits:
     """Limits of a colour scale for several states: the range without outliers, of points of deformable bodies."""
-    own = seen.inside_deformable
-    parts = [field.values[own] for field in fields if field.values is not None]
-    values = np.concatenate([part[np.isfinite(part)] for part in parts]) if parts else np.zeros(0)
+    values = _shown_values(seen, fields)
     if values.size == 0 or fields[0].order is not None:
         return 0.0, 1.0
     low, high = np.percentile(values, (OUTLIERS, 100.0 - OUTLIERS)).tolist()
@@ -121,10 +119,15 @@ def _colour_map(field: Field, limits: Limits) -> str:
     return DIVERGING if limits[0] == -limits[1] else SEQUENTIAL
 
 
-def beyond(seen: Snapshot, field: Field, limits: Limits) -> str:
-    """Which ends of the colour scale values of deformable bodies exceed, in matplotlib's words."""
-    assert field.values is not None
-    values = field.values[seen.inside_deformable]
+def _shown_values(seen: Snapshot, fields: Sequence[Field]) -> Array:
+    """The known values of points of deformable bodies."""
+    parts = [field.values[seen.inside_deformable] for field in fields if field.values is not None]
+    return np.concatenate([part[np.isfinite(part)] for part in parts]) if parts else np.zeros(0)
+
+
+def _beyond(seen: Snapshot, fields: Sequence[Field], limits: Limits) -> str:
+    """Which ends of the colour scale values exceed, in matplotlib's words."""
+    values = _shown_values(seen, fields)
     ends = bool((values < limits[0]).any()), bool((values > limits[1]).any())
     return {(False, False): "neither", (True, False): "min", (False, True): "max"}.get(ends, "both")
 
@@ -135,6 +138,7 @@ class Style:
 
     limits: Limits  # of the colours
     colours: str  # the colour map
+    beyond: str  # ends of the colours that values exceed, in matplotlib's words
     largest_force: float | None  # [N/m] drawn with the widest line; None: no forces
     view: Array  # (2, 2) lower left and upper right corners [m]
     units: tuple[str, ...]  # multiples of units to be shown, as "mm"
@@ -160,7 +164,8 @@ def style_of(
         corners = np.stack([views[:, 0].min(axis=0), views[:, 1].max(axis=0)])
     else:
         corners = np.array([_checked(view[axis], "view") for axis in (0, 1)]).T
-    return Style(limits, _colour_map(fields[0], limits), largest, corners, names)
+    colours, ends = _colour_map(fields[0], limits), _beyond(pictures[0], fields, limits)
+    return Style(limits, colours, ends, largest, corners, names)
 
 
 def _shown(seen: Snapshot) -> Array:

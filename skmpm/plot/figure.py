@@ -15,7 +15,6 @@ from skmpm.plot.fields import (
     Limits,
     Style,
     View,
-    beyond,
     field_of,
     in_multiples,
     scale_of,
@@ -60,8 +59,8 @@ def plot(
     forces : draw the contact network: lines between the centres of bodies that touch, or from a centre to a wall, as
         wide as their normal force
     axes : axes to draw into; by default those of a new figure
-    limits : ends of the colour scale, in SI units; by default the range of the values without 1 % at each end, from
-        zero where these have one sign but for little, else symmetric about zero
+    limits : ends of the colour scale, in SI units; by default the range of the values without 1 % at each end: from
+        zero for magnitudes and where little of it is negative, symmetric about zero where it has both signs
     view : rectangle that is shown, ((left, right), (lower, upper)) [m]; by default all bodies and the walls near them
     units : multiples of units on axes and legends, as ("mm", "kPa"); by default those that suit the values
     legend : add a colour bar and, with forces, a key of their lines
@@ -145,8 +144,8 @@ def add_legend(axes: Axes, seen: Snapshot, field: Field, style: Style) -> None:
         colours = ScalarMappable(Normalize(*style.limits), style.colours)
         picture: Any = axes.get_figure()
         _make_room(axes)
-        place, ends = axes.inset_axes((1.03, 0.0, 0.035, 1.0)), beyond(seen, field, style.limits)
-        bar = picture.colorbar(colours, cax=place, label=name, extend=ends)
+        place = axes.inset_axes((1.03, 0.0, 0.035, 1.0))
+        bar = picture.colorbar(colours, cax=place, label=name, extend=style.beyond)
         bar.ax.yaxis.set_major_formatter(in_multiples(scale))
     if style.largest_force:
         add_key(axes, seen, style)

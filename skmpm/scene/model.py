@@ -51,9 +51,9 @@ class Model(Layout):
     """Points and walls with what acts on them."""
 
     @cached_property
-    def first_moduli(self) -> Array:
-        """Bounded modulus of the first material of each body, zero for rigid ones, (bodies,) [Pa]."""
-        return np.array([bounded_modulus(body.materials[0]) if body.materials else 0.0 for body in self.bodies])
+    def largest_modulus(self) -> float:
+        """The largest bounded modulus of a material [Pa]."""
+        return max(bounded_modulus(material) for material in self.materials)
 
     @cached_property
     def crossing_times(self) -> Array:

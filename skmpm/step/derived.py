@@ -96,12 +96,10 @@ def _inside(scene: Scene, grid: BodyGrids, columns: int) -> sp.csr_array:
 
 def ghost_moduli(scene: Scene, scheme: Scheme, grid: BodyGrids) -> Array:
     """Moduli of the ghost penalties of the cells, (cells,) [Pa]: of the softest material in each."""
-    modulus = scene.first_moduli[grid.cell_body]
-    if scene.composite.any():
-        modulus[scene.composite[grid.cell_body]] = np.inf
-        for material, points in scene.points_by_material:
-            cells = grid.cell_of_point[points]
-            modulus[cells] = np.minimum(modulus[cells], bounded_modulus(material))
+    modulus = np.full(grid.cell_body.size, np.inf)
+    for material, points in scene.points_by_material:
+        cells = grid.cell_of_point[points]
+        modulus[cells] = np.minimum(modulus[cells], bounded_modulus(material))
     return np.asarray(scheme.ghost * modulus)
 
 

@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 from importlib import import_module
+from itertools import permutations
 from types import SimpleNamespace
 
 import numpy as np
@@ -36,6 +37,16 @@ def lattice(kind, gap):
         return skmpm.Scene([disc((0.3 * R, 0.1 * R))], cell=H, periodic=skmpm.Periodic(a, a))
     bodies = [disc((0.0, 0.0)), disc((0.5 * a, np.sqrt(0.75) * a))]
     return skmpm.Scene(bodies, cell=H, periodic=skmpm.Periodic(a, np.sqrt(3.0) * a))
+
+
+def test_the_order_of_materials_does_not_matter():
+    """The pressure at jamming is a share of the largest modulus."""
+    soft, points = skmpm.NeoHookean(E=1e3, nu=0.3, density=1000.0), skmpm.disc((0, 0), R, spacing=0.74 * H)
+    halved = points.with_groups(lambda x: np.where(x[0] < 0.0, "one", "other"))
+    both = [skmpm.Body(halved, dict(materials)) for materials in permutations([("one", GEL), ("other", soft)])]
+    scenes = [skmpm.Scene([body], cell=H, periodic=skmpm.Periodic(3 * R, 3 * R)) for body in both]
+    wanted = {import_module("skmpm.jam")._Search(scene, None).wanted for scene in scenes}
+    assert wanted == {import_module("skmpm.jam").JAMMED * skmpm.material.bounded_modulus(GEL)}
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@
 
 import subprocess
 import sys
-from functools import cache
+from functools import cache, partial
 from importlib import import_module
 from itertools import pairwise
 
@@ -40,7 +40,7 @@ from skmpm import (
     record,
     simulate,
 )
-from skmpm.plot import fringes
+from skmpm.plot import fields, fringes
 from skmpm.plot.bodies import body_paths, triangles
 from skmpm.plot.snapshot import of_frame, of_state
 from skmpm.representation import prefixed
@@ -383,6 +383,17 @@ def test_a_film_has_a_frame_for_each_state_with_one_scale(squeezed, tmp_path):
         images.seek(images.n_frames - 1)
         assert not np.array_equal(first, np.asarray(images.convert("RGB")))
     assert not pyplot.get_fignums()
+
+
+def test_the_arrows_of_a_colour_bar_are_those_of_all_frames(squeezed):
+    scene, states = squeezed
+    style = partial(fields.style_of, forces=False, view=None, units=())
+    pictures = [of_state(scene, state) for state in states]
+    values = [fields.Field(np.full(scene.owner.size, value), "", "m", from_zero=True) for value in (3.0, 1.0)]
+    assert style(pictures[:2], values[::-1], limits=(0.0, 2.0)).beyond == "max"
+    assert style(pictures[:2], values, limits=(0.0, 2.0)).beyond == "max"
+    assert style(pictures[:2], values, limits=(2.0, 4.0)).beyond == "min"
+    assert style(pictures[:2], values, limits=(0.0, 3.0)).beyond == "neither"
 
 
 def test_axes_stay_where_they_are_in_a_film(squeezed, tmp_path, monkeypatch):

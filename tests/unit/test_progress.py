@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from skmpm.material import LinearElastic
+from skmpm.material import LinearElastic, Rigid
 from skmpm.points import disc
 from skmpm.progress import Progress
 from skmpm.scene import Body, Energy, Scene, Wall
@@ -100,6 +100,9 @@ def test_the_solid_fraction_or_the_stroke_is_shown(capsys, terminal):
     lower = replace(state, t=0.5, walls=state.walls.copy())
     lower.walls[3, 1] -= 1.0
     assert "solid fraction 0.349" in shown(capsys, closed, lower)  # pi / 9
+    outside = Body(disc((0, 6.0), 1.0, spacing=0.5), Rigid(1.0), motion=(0, 0, 0))
+    held = replace(closed, bodies=[*closed.bodies, outside])
+    assert "solid fraction 0.262" in shown(capsys, held, replace(initial(held), t=0.5))  # pi / 12, without the held
     moved = initial(open_)
     moved.walls[0, 1] += 0.25
     assert "stroke 250 mm" in shown(capsys, open_, replace(moved, t=0.5))

@@ -255,6 +255,17 @@ def test_velocities_that_a_quasi_static_stage_leaves_are_spoken_of_where_they_ar
         assert bool(caplog.messages) == warned
 
 
+def test_what_is_prescribed_does_not_count_as_left_by_statics(caplog):
+    """A rigid die moves on in a start from rest, as it should; that was said to be cured by a start from rest."""
+    die = Body(box((-R, R), (2 * R, R), spacing=R / 5), Rigid(8000.0), motion=(0.0, -1.0, 0.0))
+    scene = Scene([Body(disc((0, 0), R, spacing=R / 5), GEL), die], cell=R / 3.5, walls=[Wall((0, -R), (0, 1))])
+    *_, state = simulate(scene, dt=1e-5, until=4e-5, scheme=Scheme(inertia=False))
+    for start, warned in ((state, True), (at_rest(scene, state), False)):
+        caplog.clear()
+        next(simulate(scene, dt=DT, until=state.t + DT, start=start))
+        assert any("quasi-static step" in m for m in caplog.messages) == warned
+
+
 @pytest.mark.parametrize("driven", ["wall", "stress", "rate"])
 def test_a_start_from_rest_has_no_velocities_of_statics(driven):
     """Driven walls kept theirs, with the mass of all bodies, and bodies moved backwards in a box that goes on.
