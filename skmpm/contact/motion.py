@@ -53,7 +53,7 @@ class Motion:
         if self.box is not None and moved.size and not self.walls.size:
             moved = moved - self._stretch(*self.box) @ start
             moved = moved - moved.mean(axis=1, keepdims=True)
-        return float(np.abs(moved).max(initial=0.0))
+        return float(np.hypot(*moved).max(initial=0.0))
 
     @staticmethod
     def _stretch(before: Array, after: Array) -> Array:

@@ -197,7 +197,7 @@ def _check_travel(scene: Scene, before: State, after: State, exact: bool, furthe
     if largest > further + (scene.max_motion if exact else scene.cell):
         raise _tunnelling(scene, before, fastest, largest)
     for normal, start, end in zip(scene.normals.T, before.walls, after.walls, strict=True):
-        near = np.flatnonzero(normal @ after.x < normal @ end + scene.cell)
+        near = np.flatnonzero(scene.movable[after.body] & (normal @ after.x < normal @ end + scene.cell))
         approach = -normal @ (moved[:, near] - (end - start)[:, None])
         if float(approach.max(initial=0.0)) > further + scene.cell:
             raise _tunnelling(scene, before, int(near[np.argmax(approach)]), float(approach.max()))

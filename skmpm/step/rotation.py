@@ -98,7 +98,8 @@ def missing_spin(increment: Increment, w: Array, out_of_balance: Array) -> Array
     Added to the velocity at the end of a step, not to that which moves the nodes, they leave its gaps as they are and
     pass the moments on to the next step. Otherwise a disc that rolls down a gentle slope, where the force along the
     slope is a hundredth of its weight, loses a tenth of its angular momentum to the tolerance of Newton's method.
-    Bodies that supports hold, and those that would turn too far, have none: contacts hold these (test_rolling).
+    Bodies that supports or bars hold, and those that would turn too far, have none: contacts hold these
+    (test_rolling).
     """
     if increment.metric is not None:
         return 0.0
@@ -113,6 +114,7 @@ def missing_spin(increment: Increment, w: Array, out_of_balance: Array) -> Array
     turned = np.abs(spin) * np.sqrt(inertia / np.maximum(total, 1e-300)) * increment.dt / grid.cell
     spin[turned > TOUCHING] = 0.0
     spin[grid.node_body[increment.constrained_dofs // 2]] = 0.0
+    spin[_on_bars(increment, configuration)] = 0.0
     return np.asarray((rotation * spin[grid.node_body, None]).ravel())
 
 
@@ -127,7 +129,10 @@ def _displacement(increment: Increment, velocity: Array) -> Array:
 
 
 def _error(increment: Increment, w: Array, contact_impulse: Array) -> Array:
-    """The translations that balance momentum, (2, bodies) [m/s]; zero in scenes with supports."""
+    """The translations that balance momentum, (2, bodies) [m/s]; zero in scenes with supports, and on bars.
+
+    A bar may be so stiff that its force changes by more than the body's weight over the shortest translation.
+    """
     grid = increment.grid
     if increment.supports is not None:
         return np.zeros((2, grid.bodies))
@@ -136,7 +141,15 @@ def _error(increment: Increment, w: Array, contact_impulse: Array) -> Array:
     imbalance = _weight(increment) * change - increment.theta_dt * increment.external_force(configuration) - pushed
     resisted = _resisted(increment, np.ones_like(imbalance), configuration)
     resultant, resistance = (grid.sums(a.reshape(-1, 2).T) for a in (imbalance, resisted))
+    resultant[:, _on_bars(increment, configuration)] = 0.0
     return np.asarray(resultant / np.maximum(resistance, 1e-300))
+
+
+def _on_bars(increment: Increment, configuration: Configuration) -> Ints:
+    """The bodies that terms couple with others or with the ground."""
+    couplings = (term.coupling(configuration) for term in increment.terms)
+    nodes = [coupling[0].indices // 2 for coupling in couplings if coupling is not None]
+    return np.asarray(increment.grid.node_body[np.concatenate([np.zeros(0, dtype=np.int64), *nodes])])
 
 
 def _resisted(increment: Increment, v: Array, configuration: Configuration) -> Array:

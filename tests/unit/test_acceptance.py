@@ -17,6 +17,7 @@ from skmpm import (
     StepFailed,
     Support,
     Wall,
+    box,
     disc,
     initial,
     observe,
@@ -208,3 +209,12 @@ def test_a_short_step_adds_no_energy(dt):
     change = after.kinetic + after.elastic - before.kinetic - before.elastic
     size = before.kinetic + before.elastic
     assert -0.03 * dt * scene.fastest_wave / scene.cell * size - 1e-7 * size < change < 1e-7 * size
+
+
+def test_a_held_rigid_body_may_pass_a_wall_that_it_does_not_touch():
+    """At 1.5 cells a step, less than the thickness of all bodies allows; with the wall the step was rejected."""
+    still = Body(disc((0.0, 30.0), 6.0, spacing=0.5), GUM)
+    block = Body(box((-4.0, -12.0), (8.0, 8.0), spacing=0.5), Rigid(1.0), motion=(0.0, -1.5, 0.0))
+    scene = Scene([still, block], cell=1.0, walls=[Wall((0.0, 0.0), (0.0, 1.0))])
+    assert scene.max_motion > 1.5
+    assert step(scene, initial(scene), 1.0).t == 1.0

@@ -563,3 +563,15 @@ def test_a_closed_contact_without_friction_beside_an_open_one_with_it_at_the_mid
         found.append(state.wall_force[0])
     assert found[0][1] < 0.0
     assert found[1] == pytest.approx(found[0], rel=1e-5)
+
+
+@pytest.mark.parametrize("angle", [0.0, np.pi / 4])
+def test_contacts_are_found_of_bodies_that_meet_along_any_direction(angle):
+    """Each moves by 0.95 cells in the step; along the diagonal they overlapped by 0.16 cells2 without a contact."""
+    along, apart = polar(1.0, angle), 0.5 * (2.0 * 6.0 + 1.75)
+    discs = [disc(tuple(side * apart * along), 6.0, spacing=0.74) for side in (-1, 1)]
+    bodies = [Body(points, GEL, velocity=-side * along) for side, points in zip((-1, 1), discs, strict=True)]
+    scene = Scene(bodies, cell=1.0)
+    state = step(scene, initial(scene), 0.95)
+    assert state.contacts.force[0].sum() > 0.0
+    assert state.report.overlap * 2.0 * np.pi * 36.0 < 0.02

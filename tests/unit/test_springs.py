@@ -592,3 +592,22 @@ def test_forces_at_a_state_of_another_scene_are_refused():
     scene = Scene([block()], cell=CELL, springs=[Spring(everywhere, K)])
     with pytest.raises(SceneError, match="spring_forces: expected a State, got None"):
         spring_forces(scene, None)
+
+
+@pytest.mark.parametrize("stiffness", [1e6, 1e9])
+def test_a_bar_bears_the_weight_of_a_disc_while_gravity_turns(stiffness):
+    """However stiff it is: a translation by 1e-4 cells, to balance momentum, changed its force by five weights."""
+    gum, centre = NeoHookean(E=1e5, nu=0.3, density=100.0), np.array([0.0, -5.0])
+    body = Body(disc(tuple(centre), 1.0, spacing=0.13), gum)
+    hub = Spring(lambda x: np.hypot(*(x - centre[:, None])) < 0.4, stiffness, to=(0.0, 0.0))
+
+    def gravity(X, t):
+        return 9.81 * np.array([[np.sin(0.1 * t)], [-np.cos(0.1 * t)]]) * np.ones_like(X)
+
+    scene, static = Scene([body], cell=0.2, springs=[hub], gravity=gravity), Scheme(inertia=False)
+    state = initial(scene, scheme=static)
+    for _ in range(3):
+        state = step(scene, state, 1.0, scheme=static)
+        force, place = spring_forces(scene, state)[0], state.centres[:, 0]
+        assert -force @ place / np.hypot(*place) == pytest.approx(9.81 * state.mass.sum(), rel=2e-3)
+        assert np.arctan2(place[0], -place[1]) == pytest.approx(0.1 * state.t, abs=2e-3)
