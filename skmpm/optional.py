@@ -14,17 +14,17 @@ class Table(Protocol):
         ...
 
 
-def optional(name: str, user: str, extra: str) -> Any:
+def optional(name: str, user: str, extra: str = "") -> Any:
     """A module; ImportError, with the remedy, where it is not installed.
 
-    `user` is the function that needs it, `extra` the optional dependencies of skmpm that it belongs to.
+    `user` is the function that needs it, `extra` the optional dependencies of skmpm that it belongs to, if to any.
     """
     try:
         return import_module(name)
     except ImportError as error:
-        raise ImportError(
-            f'{user} needs {name.partition(".")[0]}; install it with: pip install "skmpm[{extra}]"'
-        ) from error
+        module = name.partition(".")[0]
+        what = f'"skmpm[{extra}]"' if extra else module
+        raise ImportError(f"{user} needs {module}; install it with: pip install {what}") from error
 
 
 def data_frame(of: Table) -> Any:

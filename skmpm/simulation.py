@@ -58,7 +58,7 @@ def simulate(
     checkpoint: str | Path | None = None,
     warn: bool = True,
 ) -> Iterator[State]:
-    """Advance a scene step by step; the last step is shortened to end at `until`.
+    """Advance a scene step by step; the last steps are shortened to end at `until`.
 
     Parameters
     ----------

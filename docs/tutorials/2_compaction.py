@@ -22,8 +22,8 @@ width = np.sqrt(np.pi * np.sum(radii**2) / 0.72)
 loose = skmpm.packing(radii, width, solid_fraction=0.70, seed=1)
 
 # %%
-# Every disc becomes a soft body. The smallest has R/h = 3.7 cells across its radius: enough for a
-# packing (:doc:`/how_to/resolution`).
+# Every disc becomes a soft body. On average their radius is five cells, as packings
+# need (:doc:`/how_to/resolution`).
 
 rubber = skmpm.NeoHookean(E=10e6, nu=0.45, density=990.0)
 bodies = [

@@ -65,5 +65,5 @@ axes.set(xlabel="x / R", ylabel="pressure [Pa]")
 axes.legend()
 
 # %%
-# Loose bodies, friction and large strains work as well: :doc:`/theory/steps` says what holds bodies
-# that nothing holds.
+# Loose bodies, friction and large strains work as well: :doc:`/theory/steps` explains how bodies
+# without supports find their equilibrium.

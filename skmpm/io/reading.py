@@ -162,7 +162,7 @@ class Recording(Sequence[Frame]):
         IndexError
             if there is no such frame
         """
-        reader = optional("pyvista", "to_pyvista", "tables").get_reader(str(self.path))
+        reader = optional("pyvista", "to_pyvista").get_reader(str(self.path))
         reader.reader.SetStep(self._frame(k))
         return reader.read()
 

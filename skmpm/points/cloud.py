@@ -30,7 +30,7 @@ class Points:
     Parameters
     ----------
     x : positions, (2, n) [m]
-    volume : volumes, (n,) [m2 per metre of thickness]
+    volume : volumes, (n,) [m2]
     outline : closed loops of indices of points, (m,) each
     group : names of the groups of the points, (n,), for a body of several materials (see `Body`); None without groups
 

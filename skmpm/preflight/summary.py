@@ -29,7 +29,7 @@ def _duration(seconds: float) -> str:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Preflight(SceneMetrics):
-    """The preflight check of a scene, printed as text; in a notebook a table. Its numbers are attributes.
+    """The preflight check of a scene, printed as text; in a notebook a table.
 
     Attributes
     ----------
@@ -39,6 +39,9 @@ class Preflight(SceneMetrics):
     until : end of the run [s], if it was given
     steps : number of steps until then
     chosen : whether `simulate` chooses the length of steps
+    seconds : time that a step takes, about [s]
+    memory : memory besides that of the program, about [MB]
+    unknowns : number of unknowns
     warnings : warnings of numbers outside the verified range, at most one of a kind, `PreflightWarning`
 
     Examples

@@ -168,9 +168,8 @@ class State:
     F_anchor : (2, 2, n) deformation gradients then
     stress_anchor : (2, 2, n) stress then [Pa]
     displacement : (2 nodes,) displacements of the nodes since the body grids were built [m]
-    nodal_velocity : (2 nodes,) velocities of the nodes [m/s], from which bodies go on whose points have the v and C
-        that they give; others, as after a change of v or C, and where it is empty, for new body grids, from those of
-        the points
+    nodal_velocity : (2 nodes,) velocities of the nodes [m/s]. Bodies go on from them unless v or C of their points
+        were changed; then from the points, as where it is empty, for new body grids
     walls : (walls, 2) a point of each wall [m]
     wall_normals : (walls, 2) unit, towards the free side
     wall_force : (walls, 2) force of the bodies on each wall in the last step [N/m]
