@@ -22,6 +22,7 @@ from skmpm.scene.prescribed import gravity_at
 from skmpm.values import LENGTH, SceneError, field_values, motion, not_negative, number, positive, scalar, vector
 
 MAX_AREA_RATIO = 1.5  # of the points' volume and the area in their outline, which may exclude half a spacing
+BESIDE = 2.0  # [spacings] between the centres of the points and of the area in their outline
 TOUCHING = 1e-3  # [cells] overlap at the start up to which things touch
 MAX_OVERLAP = 0.25  # [cells] of an overlap that is meant; more at the end of a step has missed contacts
 
@@ -138,7 +139,7 @@ def _check_outline(name: str, points: Points) -> None:
         own = outlines([points.outline], offsets=[0])
         centre = centroid(own, points.x[:, own.point], 1)[:, 0]
         apart = float(np.hypot(*(np.average(points.x, axis=1, weights=points.volume) - centre)))
-        if apart > np.sqrt(volume / points.size):
+        if apart > BESIDE * np.sqrt(volume / points.size):
             raise SceneError(
                 f"{name}: the centre of its points is {apart:.3g} m from that of the area in its outline; give points"
                 " that fill this area"

@@ -139,9 +139,9 @@ BAD = {
     ),
     "points beside their outline": (
         lambda: scene(
-            Points(ROUND.x + [[1.0], [0.0]] * ~np.isin(range(ROUND.size), ROUND.outline), ROUND.volume, ROUND.outline)
+            Points(ROUND.x + [[2.0], [0.0]] * ~np.isin(range(ROUND.size), ROUND.outline), ROUND.volume, ROUND.outline)
         ),
-        r"body 0: the centre of its points is 0\.[6-9]\d* m from that of the area in its outline",
+        r"body 0: the centre of its points is 1\.[2-9]\d* m from that of the area in its outline",
     ),
     "overlap by more than is meant": (lambda: pair(1.95, 0.04), "overlap by 0.0[45].* at the start"),
     "overlap by more than a quarter of a cell": (

@@ -611,7 +611,8 @@ def figures(folder):
             at = i + np.linspace(-0.25, 0.25, len(steps)) if len(steps) > 1 else [i]
             axis.semilogy(at, steps, marker, color="C0" if marker == "o" else "C1", ms=5, mfc="none", label=label)
         axis.hlines(STEPS[name], i - 0.4, i + 0.4, color="k", lw=1, ls=":")
-    axis.set(xticks=range(len(GROUPS)), xticklabels=GROUPS, ylabel="Newton steps to 1e-10")
+    axis.set(xticks=range(len(GROUPS)), ylabel="Newton steps to 1e-10")
+    axis.set_xticklabels(GROUPS, rotation=25, ha="right")
     axis.legend(*(x[:2] for x in axis.get_legend_handles_labels()), fontsize=8, loc=(0.36, 0.85))
     fig.savefig(folder / "contact_solver.png", dpi=120)
     plt.close(fig)

@@ -119,10 +119,10 @@ def stiffness_of_lip(angle, nu):
 @pytest.mark.parametrize("angle", [20.0, 30.0, 45.0])
 @pytest.mark.parametrize("error", [0.1, 0.05])
 def test_force_on_a_lip(angle, error):
-    """Four cells across for 10 %, six for 5 %."""
+    """Six cells across for 10 % and for 5 %: the check warns of fewer in parts that are inclined to the grid."""
     angle, scheme, nu = np.deg2rad(angle), Scheme(inertia=False), 0.3
     found = suggest(lip(angle, 0.25, 0.15, nu), error=error, scheme=scheme)
-    assert DEPTH / found.cell == pytest.approx({0.1: 4.0, 0.05: 6.0}[error], rel=0.01)
+    assert DEPTH / found.cell == pytest.approx(6.0, rel=0.01)
     scene = lip(angle, found.cell, found.spacing, nu)
     state = step(scene, initial(scene, scheme=scheme), 1.0, scheme=scheme)
     assert abs(state.wall_force[0][1]) / PUSHED == pytest.approx(stiffness_of_lip(angle, nu), rel=error)
