@@ -235,7 +235,7 @@ def figures(folder):
         ax.axhline(0.0, color="black", lw=0.6)
         ax.set_xticks(range(len(SIZES)), SIZES)
         ax.set_xlabel("R/h")
-        ax.set_title({"outlines": "outlines", "seed": "shared nodes (seed)"}[law], fontsize=10)
+        ax.set_title({"outlines": "outlines", "seed": "shared nodes"}[law], fontsize=10)
     axes[0].set_ylabel("true distance at the first force / h")
     axes[0].set_ylim(-0.35, 0.35)
     axes[0].hlines([-0.1, 0.1, -0.3, 0.3], -0.5, 2.5, colors="grey", linestyles=["--", "--", ":", ":"], lw=0.8)

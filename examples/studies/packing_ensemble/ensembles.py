@@ -64,7 +64,8 @@ def pressure(found: Study) -> Figure | None:
             top = np.interp(4e-3, *_rising(p), right=np.nan)
             right.plot([jammed, top], [0.0, 4e-3], "k", linewidth=0.5)
     left.set(xlabel=FRACTION, ylabel="pressure / E*")
-    right.set(xlabel="solid fraction of the interior", ylim=(-2e-4, 8e-3), xlim=(0.76, 0.89))
+    right.set(xlabel="solid fraction of the interior", ylabel="pressure of the interior / E*")
+    right.set(ylim=(-2e-4, 8e-3), xlim=(0.76, 0.89))
     right.axhspan(3e-4, 4e-3, color="0.93", zorder=0)
     legend(left)
     return figure
@@ -90,14 +91,15 @@ def coordination(found: Study) -> Figure | None:
     for kind, style in (("quasistatic", "-"), ("periodic", "--")):
         for k, m in enumerate(found.seeds(kind, 0.0)):
             z = z_inside(m, phi_jammed(m) + x) - 4.0
-            right.plot(x, np.where(z > 0.0, z, np.nan), f"C{k}", linestyle=style, linewidth=0.9)
+            name = f"packing {k}" if style == "-" else None
+            right.plot(x, np.where(z > 0.0, z, np.nan), f"C{k}", linestyle=style, linewidth=0.9, label=name)
     right.fill_between(x, 3.1 * np.sqrt(x), 4.1 * np.sqrt(x), color="0.85", linewidth=0.0)
     right.plot(x, 3.6 * np.sqrt(x), "k", linewidth=0.8)
     left.set(xlabel=FRACTION, ylabel="coordination Z")
     right.set(
         xscale="log", yscale="log", xlabel=r"$\Phi - \Phi_J$", ylabel="Z - 4 without rattlers", ylim=(0.05, 3.0)
     )
-    legend(left)
+    legend(left), legend(right)
     return figure
 
 
@@ -185,7 +187,7 @@ def _deviations(axis: Axes, found: Study, mu: float, lids: list, name: str, *, r
 
 
 def artefact(found: Study) -> Figure | None:
-    """Interior pressure against interior solid fraction with shared-grid contact, and with the gap corrected."""
+    """Interior pressure against interior solid fraction with contact at shared nodes, and at outlines."""
     shared = {c: m for c in CELLS if (m := found.get(f"shared_grid_mu0_r{c}"))}
     ours = {
         rf"$\mu$ = {mu:g}, {what}": m

@@ -50,7 +50,7 @@ def figure4(found: Study, kind: str) -> Figure | None:
 
 
 def distant(found: Study) -> Figure | None:
-    """A corner of the box at the first stage, in the mode of Nezamabadi et al. (2017) and with the gap corrected."""
+    """A corner of the box at the first stage: the mode of Nezamabadi et al. (2017), and contact at outlines."""
     kinds = {
         "mode of Nezamabadi et al. (2017), R/h = 6": found.get("shared_grid_mu0_r6"),
         "contact at outlines": found.packing("fast", 0.0),
