@@ -60,8 +60,8 @@ for axis, k in zip(axes, (29, 59, 89), strict=True):
 
 # %%
 # A hollow seal is soft over a long stroke: that is its purpose. Pressed further, the rubber creases
-# at both sides of the cavity; a step then fails, and says where. Forces are per metre of length: for
-# a ring, multiply them by its circumference. Its section must be small beside its radius.
+# at both sides of the cavity; a step then fails, and says where. Forces are per metre of length:
+# for a ring, multiply them by its circumference. Its section must be small beside its radius.
 
 axes = plt.figure(figsize=(6, 3), layout="constrained").add_subplot()
 axes.plot([3.6 * s.t for s in states], [1e-3 * s.wall_force[0, 1] for s in states])
