@@ -193,9 +193,9 @@ def _velocities_of_statics(scene: Scene, state: State) -> str | None:
     still, elastic = at_rest(scene, state), state.report.energy.elastic
     relative, of_walls = state.v - still.v, normal_speeds(scene, state.wall_velocity - still.wall_velocity)
     kinetic = 0.5 * float(state.mass @ (relative**2).sum(axis=0) + scene.wall_masses @ of_walls**2)
-    fastest = max(np.hypot(*relative).max(), np.abs(of_walls).max(initial=0.0))
     if kinetic <= SLOW * elastic:
         return None
+    fastest = max(np.hypot(*relative).max(), np.abs(of_walls).max(initial=0.0))
     return (
         "simulate: start is the state of a quasi-static step, whose velocities are displacements over its length, up"
         f" to {fastest:.3g} m/s; they have inertia from here"

@@ -145,17 +145,18 @@ def write(data: Any, start: int, values: Any) -> None:
 def blocks_of(scene: Scene, state: State) -> dict[str, PolyData]:
     """The blocks of a state by name."""
     shift = into_box(state.centres, state.box)
+    x = state.x + shift[:, state.body]
     blocks = {
-        "points": _points(scene, state, shift),
-        "bodies": _bodies(scene, state, shift),
+        "points": _points(scene, state, x),
+        "bodies": _bodies(scene, state, x),
         "contacts": _contacts(scene, state, shift),
-        "walls": _walls(state, state.x + shift[:, state.body]),
+        "walls": _walls(state, x),
     }
     return blocks if state.box is None else blocks | {"box": _box(state.box)}
 
 
-def _points(scene: Scene, state: State, shift: Array) -> PolyData:
-    """One vertex per material point, displaced by the shift (2, bodies) [m] of its body into the periodic box."""
+def _points(scene: Scene, state: State, x: Array) -> PolyData:
+    """One vertex per material point where it is shown, x (2, n) [m]: with its body in the periodic box."""
     sigma, zero = state.stress, np.zeros(state.x.shape[1])
     rows = [[sigma[0, 0], sigma[0, 1], zero], [sigma[1, 0], sigma[1, 1], zero], [zero, zero, stress_zz(scene, state)]]
     data = {
@@ -169,16 +170,13 @@ def _points(scene: Scene, state: State, shift: Array) -> PolyData:
     }
     if state.internal.size:
         data["plastic_strain"] = plastic_strain(scene, state.internal)
-    return PolyData(
-        _in_space(state.x + shift[:, state.body]), {"Vertices": np.arange(state.x.shape[1])[:, None]}, data
-    )
+    return PolyData(_in_space(x), {"Vertices": np.arange(x.shape[1])[:, None]}, data)
 
 
-def _bodies(scene: Scene, state: State, shift: Array) -> PolyData:
+def _bodies(scene: Scene, state: State, x: Array) -> PolyData:
     """The smooth boundaries: a polygon per body, lines for those with holes, with data of the body."""
     place = scene.outlines.point
-    x, reference = (state.x + shift[:, state.body])[:, place], scene.initial_positions[:, place]
-    curve = outline.polylines(scene.outlines, reference, x, PARTS)
+    curve = outline.polylines(scene.outlines, scene.initial_positions[:, place], x[:, place], PARTS)
     owner = curve.outlines.body[curve.loops[:-1]]
     loops = [np.arange(*curve.loops[i : i + 2]) for i in range(owner.size)]
     single = np.bincount(owner, minlength=len(scene.bodies))[owner] == 1

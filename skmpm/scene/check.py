@@ -120,30 +120,31 @@ def _check_material(name: str, material: object) -> None:
 
 
 def _check_outline(name: str, points: Points) -> None:
-    """The outline of a deformable body bounds one piece, whose area is that of its points."""
+    """The outline of a deformable body, if it has one, bounds one piece, whose area is that of its points."""
+    if not points.outline:
+        return
     areas = np.array([signed_area(points.x[:, loop]) for loop in points.outline])
     if (areas > 0.0).sum() > 1:
         raise SceneError(
             f"{name}: its outline has {(areas > 0.0).sum()} outer loops; parts of one body do not touch each other,"
             " make a Body of each"
         )
-    inside, volume = float(areas.sum()), float(points.volume.sum())
-    ends = [points.x[:, np.roll(loop, -1)] - points.x[:, loop] for loop in points.outline]
-    beyond = sum(float(np.hypot(*edge).sum()) for edge in ends) * 0.5 * np.sqrt(volume / points.size)
-    if points.outline and not inside / MAX_AREA_RATIO < volume < MAX_AREA_RATIO * (inside + beyond):
+    boundary = outlines([points.outline], offsets=[0])
+    x, inside, volume = points.x[:, boundary.point], float(areas.sum()), float(points.volume.sum())
+    spacing = float(np.sqrt(volume / points.size))
+    beyond = 0.5 * spacing * float(perimeter(boundary, x, 1)[0])
+    if not inside / MAX_AREA_RATIO < volume < MAX_AREA_RATIO * (inside + beyond):
         raise SceneError(
             f"{name}: its points have a volume of {volume:.4g} m2 in all, its outline bounds {inside:.4g} m2; give"
             " volumes in m2 that add up to the body, and an outline along its boundary"
         )
-    if points.outline:
-        own = outlines([points.outline], offsets=[0])
-        centre = centroid(own, points.x[:, own.point], 1)[:, 0]
-        apart = float(np.hypot(*(np.average(points.x, axis=1, weights=points.volume) - centre)))
-        if apart > BESIDE * np.sqrt(volume / points.size):
-            raise SceneError(
-                f"{name}: the centre of its points is {apart:.3g} m from that of the area in its outline; give points"
-                " that fill this area"
-            )
+    centre = np.average(points.x, axis=1, weights=points.volume)
+    apart = float(np.hypot(*(centre - centroid(boundary, x, 1)[:, 0])))
+    if apart > BESIDE * spacing:
+        raise SceneError(
+            f"{name}: the centre of its points is {apart:.3g} m from that of the area in its outline; give points"
+            " that fill this area"
+        )
 
 
 def _check_motion(name: str, body: Body) -> None:

@@ -183,6 +183,11 @@ class Increment:
         """The sum of `external_forces`, (2 nodes,) [N/m]."""
         return sum(self.external_forces(configuration), np.zeros_like(self.displacement_at_start))
 
+    def couplings(self, configuration: Configuration) -> list[tuple[sp.csr_array, Array]]:
+        """The stiffnesses of terms that couple bodies."""
+        found = (term.coupling(configuration) for term in self.terms)
+        return [coupling for coupling in found if coupling is not None]
+
     @property
     def constrained_dofs(self) -> Ints:
         """The degrees of freedom that supports eliminate, (m,)."""

@@ -57,10 +57,8 @@ def check_stiffness(increment: Increment) -> None:
 
 def coupled(increment: Increment, configuration: Configuration, solver: Solver) -> Solver:
     """The solver for A with stiffnesses that couple bodies; the same without such terms."""
-    for term in increment.terms:
-        if (coupling := term.coupling(configuration)) is not None:
-            ends, stiffness = coupling
-            solver = joined(solver, ends, increment.theta_dt**2 * stiffness, increment.grid.blocks)
+    for ends, stiffness in increment.couplings(configuration):
+        solver = joined(solver, ends, increment.theta_dt**2 * stiffness, increment.grid.blocks)
     return solver
 
 

@@ -147,8 +147,7 @@ def _error(increment: Increment, w: Array, contact_impulse: Array) -> Array:
 
 def _on_bars(increment: Increment, configuration: Configuration) -> Ints:
     """The bodies that terms couple with others or with the ground."""
-    couplings = (term.coupling(configuration) for term in increment.terms)
-    nodes = [coupling[0].indices // 2 for coupling in couplings if coupling is not None]
+    nodes = [ends.indices // 2 for ends, _ in increment.couplings(configuration)]
     return np.asarray(increment.grid.node_body[np.concatenate([np.zeros(0, dtype=np.int64), *nodes])])
 
 
