@@ -228,7 +228,7 @@ class _PointToCurve:
             point=self.scene.outlines.point[found.point],
             base=self.interpolation,
             difference=relative,
-            geometry=geometry_of(found, shifts, points),
+            geometry=geometry_of(found, shifts),
             rigid=motion.points.T / dt,
             surfaces=moving,
             offset_normal=(found.gap - allowed) / dt - now,

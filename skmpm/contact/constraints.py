@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
 from skmpm.arrays import Array, Bools, Ints
 from skmpm.contact.feet import MIN_CURVATURE_FACTOR
-from skmpm.contact.rows import components
+from skmpm.contact.rows import among, combinations, components
 from skmpm.grid import BodyGrids
 from skmpm.scene import PrescribedVelocities, Scene, State
 
@@ -23,30 +22,30 @@ class SurfaceGeometry:
 
     Attributes
     ----------
-    tangent_shares : (k, m) weights of contact points in the second surface's unit tangent [1/m]
-    own_shares : (k, m) weights of contact points in the first surface's unit tangent [1/m]
+    stencil : (4, k) contact points that define the second surface at the foot
+    tangent_shares : (4, k) their weights in its unit tangent, zero for walls and at corners [1/m]
+    own : (4, k) contact points that define the first surface
+    own_shares : (4, k) their weights in its unit tangent, zero where the contact point is fixed [1/m]
     curvature : (k,) of the second surface, negative where it is convex [1/m]
     along : (k,) cosine between the tangents of both surfaces
     travel : (k,) of the contact point per turn of both surfaces against each other [m]; 0 if it is fixed
     wide_from : (k,) normal force between the bodies that makes a contact too wide to travel [N/m]
     """
 
-    tangent_shares: sp.csr_array
-    own_shares: sp.csr_array
+    stencil: Ints
+    tangent_shares: Array
+    own: Ints
+    own_shares: Array
     curvature: Array
     along: Array
     travel: Array
     wide_from: Array
 
     @staticmethod
-    def fixed(contacts: int, points: int) -> SurfaceGeometry:
+    def fixed(contacts: int) -> SurfaceGeometry:
         """The geometry where normals and contact points do not move with the surfaces."""
-        none, rows = np.zeros(contacts), sp.csr_array((contacts, points))
-        return SurfaceGeometry(rows, rows, none, none, none, np.full(contacts, np.inf))
-
-    def among(self, kept: Ints) -> SurfaceGeometry:
-        """The geometry of some contacts."""
-        return SurfaceGeometry(*(_some(getattr(self, f.name), kept) for f in fields(self)))
+        points, shares, none = np.zeros((4, contacts), dtype=np.int64), np.zeros((4, contacts)), np.zeros(contacts)
+        return SurfaceGeometry(points, shares, points, shares, none, none, none, np.full(contacts, np.inf))
 
 
 @dataclass(frozen=True)
@@ -120,7 +119,7 @@ class Constraints:
         """Whether any contact bears tension."""
         return bool(self.tensile_strength.any())
 
-    @property
+    @cached_property
     def tangent(self) -> Array:
         """Unit tangents (-n_y, n_x), (2, k)."""
         return np.stack([-self.normal[1], self.normal[0]])
@@ -129,6 +128,11 @@ class Constraints:
     def D(self) -> sp.csr_array:
         """From contact point (2 m,) to relative velocities: rows n (k,) or, with friction, n, t, n, t, ... (2 k,)."""
         return components(self.difference, *self.directions)
+
+    @cached_property
+    def D_T(self) -> sp.csc_array:
+        """From impulses (k,) or (2 k,) to those on contact points (2 m,): the transpose of `D`."""
+        return self.D.T
 
     @property
     def directions(self) -> tuple[Array, ...]:
@@ -158,13 +162,16 @@ class Constraints:
 
         They give the sliding velocity [m/s] and the rates of rotation and stretch of the second surface [1/s].
         """
-        surface, normal, tangent = (
-            self.geometry.tangent_shares[chosen],
-            self.normal[:, chosen],
-            self.tangent[:, chosen],
-        )
+        surface, normal, tangent = self._of_tangents(chosen)[1], self.normal[:, chosen], self.tangent[:, chosen]
         slide = components(self.difference[chosen], tangent)
         return slide, components(surface, normal), components(surface, tangent)
+
+    def _of_tangents(self, chosen: Ints) -> tuple[sp.csr_array, sp.csr_array]:
+        """Rows (chosen, m) that combine contact points to the unit tangents of the first and the second surface."""
+        at, points = self.geometry, self.difference.shape[1]
+        sides = ((at.own, at.own_shares), (at.stencil, at.tangent_shares))
+        own, other = (combinations(columns[:, chosen], shares[:, chosen], points) for columns, shares in sides)
+        return own, other
 
     @property
     def spread(self) -> Array:
@@ -180,7 +187,7 @@ class Constraints:
         a force acts that moves along both outlines.
         """
         slide, at = components(self.difference[chosen], self.tangent[:, chosen]), self.geometry
-        own, other = (components(shares[chosen], direction) for shares in (at.own_shares, at.tangent_shares))
+        own, other = (components(rows, direction) for rows in self._of_tangents(chosen))
         factor = at.along[chosen] * self.spread[chosen]
         bend = sp.diags_array(factor * at.curvature[chosen] * sliding)
         return sp.csr_array(own - sp.diags_array(factor) @ other - bend @ slide)
@@ -188,7 +195,7 @@ class Constraints:
     @cached_property
     def curved(self) -> Bools:
         """Whether the second surface is that of a body, and no corner of it, (k,)."""
-        return np.asarray(np.diff(self.geometry.tangent_shares.indptr) > 0)
+        return np.asarray(self.geometry.tangent_shares.any(axis=0))
 
     @property
     def offset(self) -> Array:
@@ -209,9 +216,9 @@ class Constraints:
         if chosen.all():
             return self
         kept = np.flatnonzero(chosen)
-        of_contacts = (f.name for f in fields(self) if f.name not in ("base", "rigid", "geometry"))
-        some = {name: _some(getattr(self, name), kept) for name in of_contacts}
-        return replace(self, geometry=self.geometry.among(kept), **some)
+        of_contacts = (f.name for f in fields(self) if f.name not in ("base", "rigid", "geometry", "difference"))
+        some = {name: getattr(self, name)[..., kept] for name in of_contacts}
+        return replace(self, geometry=among(self.geometry, kept), difference=self.difference[kept], **some)
 
     def normal_part(self, r: Array) -> Array:
         """The normal components (k,) of impulses."""
@@ -241,16 +248,12 @@ class Constraints:
         return np.asarray(r.T.ravel() if self.tangential else r[0])
 
 
-def _some(values: Any, chosen: Ints) -> Any:
-    return values[chosen] if isinstance(values, sp.csr_array) else values[..., chosen]
-
-
 def no_constraints(base: sp.csr_array) -> Constraints:
     """Constraints of no contact, over these contact points."""
     none, two, rows = np.zeros(0), np.zeros((2, 0)), sp.csr_array((0, base.shape[0]))
     no_index, no_pair = np.zeros(0, dtype=np.int64), np.zeros((2, 0), dtype=np.int64)
     return Constraints(
-        *(no_pair, two, two, none, none, no_index, no_index, base, rows, SurfaceGeometry.fixed(*rows.shape)),
+        *(no_pair, two, two, none, none, no_index, no_index, base, rows, SurfaceGeometry.fixed(0)),
         *(np.zeros((base.shape[0], 2)), two, none, none, none, none, two),
     )
 

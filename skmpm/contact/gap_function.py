@@ -12,7 +12,6 @@ from skmpm.contact import feet
 from skmpm.contact.constraints import SurfaceGeometry
 from skmpm.contact.neighbours import Neighbours
 from skmpm.contact.projection import foot_points, project, tangent_shares
-from skmpm.contact.rows import combinations
 from skmpm.contact.shifts import Shifts, guarded
 from skmpm.outline import Cubics, Curve
 from skmpm.scene import Scene
@@ -151,11 +150,13 @@ def _wall_gaps(
     return size
 
 
-def geometry_of(found: ContactPairs, shifts: Shifts, points: int) -> SurfaceGeometry:
-    """The geometry of the surfaces of contact pairs with these shifts, in terms of so many contact points."""
+def geometry_of(found: ContactPairs, shifts: Shifts) -> SurfaceGeometry:
+    """The geometry of the surfaces of contact pairs with these shifts."""
     return SurfaceGeometry(
-        tangent_shares=combinations(found.stencil, found.tangent_shares, points),
-        own_shares=combinations(found.own, np.where(shifts.travel > 0.0, found.own_shares, 0.0), points),
+        stencil=found.stencil,
+        tangent_shares=found.tangent_shares,
+        own=found.own,
+        own_shares=np.where(shifts.travel > 0.0, found.own_shares, 0.0),
         curvature=found.curvature,
         along=found.along,
         travel=shifts.travel,

@@ -182,7 +182,7 @@ def _constraints(scene: Scene, nodes: _Nodes, a: Ints, b: Ints, grid: BodyGrids)
         point=np.full(k.size, -1),
         base=sp.eye_array(grid.nodes, format="csr"),
         difference=difference,
-        geometry=SurfaceGeometry.fixed(*difference.shape),
+        geometry=SurfaceGeometry.fixed(difference.shape[0]),
         rigid=np.zeros((grid.nodes, 2)),
         surfaces=prescribed,
         offset_normal=np.einsum("ik,ik->k", normal, prescribed),

@@ -55,14 +55,10 @@ class Delassus:
 
         Also returns the operator with S of all contact points in these constraints.
         """
-        found = self._extended(left)._extended(right)
-        return _product(left, found.squares, right, np.repeat(np.where(found.known, self.owner, -1), 2)), found
-
-    def _extended(self, rows: sp.csr_array) -> Delassus:
-        """The operator with S of all contact points in these rows."""
         wanted = np.zeros_like(self.known)
-        wanted[rows.indices // 2] = True
-        return self._with(wanted)
+        wanted[left.indices // 2] = wanted[right.indices // 2] = True
+        found = self._with(wanted)
+        return _product(left, found.squares, right, np.repeat(np.where(found.known, self.owner, -1), 2)), found
 
     def _with(self, wanted: Bools) -> Delassus:
         """The operator with S of these contact points (m,), too."""

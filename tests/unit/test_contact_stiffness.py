@@ -108,7 +108,7 @@ def test_forces_of_slipping_contacts_rotate_as_predicted(seed, slope):
         other = linearise(at + step * direction)
         if not np.array_equal(other.key, rows.key):
             return
-        if not np.array_equal(other.geometry.tangent_shares.indices, rows.geometry.tangent_shares.indices):
+        if not np.array_equal(other.geometry.stencil, rows.geometry.stencil):
             return  # a foot went on to the next cubic, whose curvature is another
         predicted = rows.at_nodes(rows.D.T @ r + turns.acting.T @ (step * rho))
         turned = other.H.T @ turns.rotated_impulses(r, step * rho)
