@@ -27,6 +27,7 @@ from skmpm.arrays import Array, Bools
 from skmpm.contact import Constraints
 from skmpm.scene import Contacts, Periodic, PrescribedVelocities, Scene, State, deformed, recut
 from skmpm.scene.contact_keys import ContactKeys
+from skmpm.step.errors import StepRejected
 from skmpm.step.scalar_unknowns import Entries, Interval, Unknowns
 
 
@@ -93,8 +94,17 @@ class StressedBox(Unknowns):
         return np.zeros(self.inertia.v0.size, dtype=bool)
 
     def _edges(self, z: Array) -> Array:
-        """The edges at the end of the step, (2, 2) [m]."""
-        return deformed(self.start, self.rate, self.dt, self.periodic.components, z / self.length)
+        """The edges at the end of the step, (2, 2) [m].
+
+        Raises
+        ------
+        StepRejected
+            if a side has shrunk to nothing
+        """
+        edges = deformed(self.start, self.rate, self.dt, self.periodic.components, z / self.length)
+        if np.linalg.det(edges) <= 0.0:
+            raise StepRejected("the periodic box", "its stress shrinks a side to nothing, as no contact presses")
+        return edges
 
     @cached_property
     def _first_edges(self) -> Array:

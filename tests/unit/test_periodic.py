@@ -145,6 +145,14 @@ def test_a_stress_that_nothing_bears_is_named():
         list(skmpm.simulate(scene, dt=0.01, until=0.01, scheme=STATIC))
 
 
+def test_a_box_of_a_few_cells_that_a_stress_closes_is_named():
+    """Without inertia it shrinks by a cell in an iteration; two discs pass above each other."""
+    box = skmpm.Periodic(4 * R, 12 * R, stress=[[-1e4, np.nan], [np.nan, np.nan]])
+    scene = skmpm.Scene([disc(1.5 * R, 1.5 * R), disc(4.5 * R, 6 * R)], cell=R / 5, periodic=box)
+    with pytest.raises(skmpm.StepFailed, match="the periodic box: its stress shrinks a side to nothing"):
+        list(skmpm.simulate(scene, dt=0.01, until=0.01, scheme=STATIC, warn=False))
+
+
 @pytest.mark.parametrize("theta", [1.0, 0.5])
 def test_an_edge_with_a_mass_accelerates_as_newton_says(theta):
     """Nothing touches: m L'' = sigma height; the width after a time, to the first order of 200 steps."""
