@@ -15,6 +15,7 @@ from skmpm.grid import BodyGrids
 from skmpm.linear.band import column_lengths, half_bandwidth
 from skmpm.linear.choice import chosen
 from skmpm.material import Material
+from skmpm.observe.bodies import diameters
 from skmpm.outline.measures import chord_sagitta
 from skmpm.outline.widths import slit_width
 from skmpm.scene import Scene
@@ -67,7 +68,7 @@ class SceneMetrics:
     @cached_property
     def resolution(self) -> Array:
         """R/h, R the radius of a disc of the body's area, (deformable,)."""
-        return disc_radii(self.scene)[self.own] / self.cell
+        return diameters(self.scene)[self.own] / (2.0 * self.cell)
 
     @property
     def points_per_cell(self) -> Array:
@@ -214,11 +215,6 @@ class SceneMetrics:
     def seconds(self) -> float | None:
         """Time of the run on one thread, to an order of magnitude [s]; None if its end is not known."""
         return None if self.steps is None else self.steps * self.seconds_of_step
-
-
-def disc_radii(scene: Scene) -> Array:
-    """Radii of discs of the areas of the bodies, (bodies,) [m]."""
-    return np.asarray(np.sqrt(np.bincount(scene.owner, scene.initial_volumes, len(scene.bodies)) / np.pi))
 
 
 def memory_of(points: int, unknowns: int, boundaries: int, width: int, solver: str) -> float:

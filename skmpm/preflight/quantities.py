@@ -14,10 +14,11 @@ from skmpm import outline
 from skmpm.arrays import ROUND_OFF, Array, Bools, Ints
 from skmpm.contact import acts_at_grid_nodes
 from skmpm.material import Material, NeoHookean, has_memory, is_linear, poisson_ratio, youngs_modulus
+from skmpm.observe.bodies import diameters
 from skmpm.outline.tips import tip_angles
 from skmpm.outline.widths import inclined_thickness
 from skmpm.points import Points
-from skmpm.preflight.metrics import SceneMetrics, disc_radii
+from skmpm.preflight.metrics import SceneMetrics
 from skmpm.preflight.sampling import stress_errors
 from skmpm.scene import TOUCHING, varies_in_time
 from skmpm.step.driven import driven_by_force, prescribed_speeds
@@ -106,7 +107,7 @@ def _left_alone(m: SceneMetrics) -> bool:
 
 def inclined_parts(m: SceneMetrics) -> Reading:
     """Cells across the thinnest part that is inclined to the grid, of bodies wider than that."""
-    scene, thin = m.scene, m.scene.deformable & (m.scene.thickness < disc_radii(m.scene))
+    scene, thin = m.scene, m.scene.deformable & (m.scene.thickness < 0.5 * diameters(m.scene))
     width = inclined_thickness(scene.outlines, m.boundary, thin)[m.own]
     return Reading(m.own, width / m.cell + m.chords, scale=m.cell)
 

@@ -6,9 +6,10 @@ import numpy as np
 
 from skmpm.arrays import Array, Bools, Ints
 from skmpm.contact import acts_at_grid_nodes
+from skmpm.observe.bodies import diameters
 from skmpm.outline.curve import CORNER_COSINE
 from skmpm.outline.measures import turning_angles
-from skmpm.preflight.metrics import SceneMetrics, disc_radii
+from skmpm.preflight.metrics import SceneMetrics
 from skmpm.preflight.quantities import Reading, floored
 from skmpm.scene import Scene
 from skmpm.stepping.loading import gravity_of
@@ -36,7 +37,7 @@ def wide_contacts(m: SceneMetrics) -> Reading | None:
     of_slope = np.where(pairs[1] < 0, 0.0, scene.compliance[pairs[1]])
     np.maximum.at(compliance, pairs[0], scene.compliance[pairs[0]] + of_slope)
     b = np.flatnonzero(compliance)
-    R = disc_radii(scene)[b]
+    R = 0.5 * diameters(scene)[b]
     pressure = np.bincount(scene.owner, scene.masses)[b] * np.hypot(*gravity) / (np.pi * R)  # weight over pi R
     half_width = 2.0 * R * np.sqrt(pressure * compliance[b])
     narrow = half_width < WIDE * m.cell

@@ -9,12 +9,12 @@ from scipy.spatial import KDTree
 
 from skmpm.arrays import ROUND_OFF, Array, Bools
 from skmpm.material import poisson_ratio, youngs_modulus
+from skmpm.observe.bodies import diameters
 from skmpm.outline.curve import CORNER_COSINE
 from skmpm.outline.measures import turning_angles
 from skmpm.outline.widths import inclined_thickness, slit_width
 from skmpm.points import Points
 from skmpm.preflight.limits import LIMITS
-from skmpm.preflight.metrics import disc_radii
 from skmpm.preflight.quantities import ceiled, shares_cells
 from skmpm.representation import line, quantity
 from skmpm.scene import Body, Scene, check_scene, varies_in_time
@@ -163,7 +163,7 @@ def suggest(
     check_scene("suggest", scene)
     check_scheme("suggest", scheme)
     loading = loading_of(scene, _times(scene, until), inertia=scheme.inertia)
-    disc = disc_radii(scene)[scene.deformable]
+    disc = 0.5 * diameters(scene)[scene.deformable]
     slender = scene.thickness[scene.deformable] < disc  # with a part that bends: strips, lips, rings
     radius, measured = disc, ~slender
     if loading.kind == "bending":
