@@ -129,11 +129,6 @@ class Constraints:
         """From contact point (2 m,) to relative velocities: rows n (k,) or, with friction, n, t, n, t, ... (2 k,)."""
         return components(self.difference, *self.directions)
 
-    @cached_property
-    def D_T(self) -> sp.csc_array:
-        """From impulses (k,) or (2 k,) to those on contact points (2 m,): the transpose of `D`."""
-        return self.D.T
-
     @property
     def directions(self) -> tuple[Array, ...]:
         """The directions (2, k) of the rows of each contact: its normal and, with friction, its tangent."""

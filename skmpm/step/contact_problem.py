@@ -185,7 +185,7 @@ class ContactIterate:
 
     def pushed(self, r: Array, at_points: Array | float = 0.0, of_scalars: Array | float = 0.0) -> Array:
         """The impulse theta H^T r of impulses r, with others at contact points (2 m,) and scalars (p,), (n,)."""
-        nodes = self.constraints.at_nodes(self.constraints.D_T @ r + at_points)
+        nodes = self.constraints.at_nodes(self.constraints.D.T @ r + at_points)
         return self.increment.theta * self.increment.with_scalars(nodes, self.J.T @ r + of_scalars)
 
     def relative(self, at_points: Array, w: Array) -> Array:
