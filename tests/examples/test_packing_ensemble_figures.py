@@ -375,21 +375,6 @@ def test_what_is_not_quasi_static_is_seen(code):
     assert found["uniaxial: unbalanced force ratio, median above that pressure"] == "does not hold"
 
 
-def test_curves_before_are_shown_beside_those_of_now(code, tmp_path):
-    """Two packings of before, at one solid fraction, against those of now."""
-    path = tmp_path / "curves_before.csv"
-    head = "member,solid_fraction,pressure,contact_surface,anisotropy,aspect_ratio,coordination"
-    first, second = "mu0_seed0,0.8500,100000,0.1,0.2,1.02,4.2", "mu0_seed1,0.8500,120000,0.1,0.2,1.04,4.4"
-    path.write_text("\n".join([head, first, second, ""]))
-    earlier = code.before.read(path)
-    lines = {(name, mu, phi): rest for name, mu, phi, *rest in code.before.lines(earlier, ensemble(code))}
-    assert lines["P / E*", "0", "0.85"][:4] == ["0.0088", "0.0008", "0.0072", "0.0000"]
-    assert lines["Z", "0", "0.85"][:2] == ["4.30", "0.10"]
-    assert lines["alpha", "0", "0.85"][4] == "-", "nothing quasi-static was run"
-    assert lines["Z", "0.5", "0.85"][0] == "-"
-    assert code.before.read(tmp_path / "nothing.csv") == {}
-
-
 def test_the_shape_of_ellipses_and_hexagons(code):
     """Ellipses drawn with 400 points have no excess; a hexagon's is sqrt(12) / pi - 1."""
     angle = np.linspace(0.0, 2.0 * np.pi, 401)
@@ -437,7 +422,6 @@ def drawn(code, study, docs):
     docs.mkdir()
     shutil.copy(ROOT / "docs" / "studies" / "packing_ensemble.md", docs)
     (docs / "packing_ensemble").mkdir()
-    shutil.copy(ROOT / "docs" / "studies" / "packing_ensemble" / "curves_before.csv", docs / "packing_ensemble")
     rows = code.figures.main(code.figures.parser().parse_args(["--study", str(study), "--docs", str(docs)]))
     return rows, (docs / "packing_ensemble.md").read_text()
 
@@ -455,9 +439,9 @@ def test_both_commands(code, ran, made, tmp_path):
     rows, page, docs = made
     shutil.copytree(docs, tmp_path / "docs")
     pictures = {path.name: path.stat().st_size for path in (tmp_path / "docs" / "packing_ensemble").glob("*.png")}
-    assert set(pictures) == {"figure2.png", "figure4.png", "pressure.png", "before.png"}
+    assert set(pictures) == {"figure2.png", "figure4.png", "pressure.png"}
     written = {path.name for path in (tmp_path / "docs" / "packing_ensemble").iterdir()}
-    tables = ("before", "checks", "claims", "curves", "curves_before", "grid", "members", "targets")
+    tables = ("checks", "claims", "curves", "grid", "members", "targets")
     assert written == {*pictures, *(f"{name}.csv" for name in tables)}
     assert set(re.findall(r"\{download\}`[^<]* <packing_ensemble/([^>]*)>`", page)) <= written
     assert all(2_000 < size < 120_000 for size in pictures.values())
@@ -498,7 +482,7 @@ def test_all_pictures_and_those_of_an_earlier_study_go(code, ran, tmp_path):
         shutil.copytree(ran / name, tmp_path / "study" / copy)
     drawn(code, tmp_path / "study", tmp_path / "docs")
     pictures = {path.name for path in (tmp_path / "docs" / "packing_ensemble").glob("*.png")}
-    assert pictures == {*code.pictures.PICTURES, "before.png"}
+    assert pictures == set(code.pictures.PICTURES)
     manifest = tmp_path / "study" / "regridded_mu0.5_seed0" / "manifest.json"
     manifest.write_text(manifest.read_text().replace('"status": "finished"', '"status": "running"'))
     for kind in kinds[1:]:

@@ -16,10 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from .. import pages, provenance
-from . import before, checks, claims, study, summary, targets
+from . import checks, claims, study, summary, targets
 from .claims import NOT_RUN, Row
 from .curves import EARLY, Member, Study, read
-from .drawing import save
 from .members import GROUPS, RADIUS, group_of, members
 from .pictures import draw
 
@@ -108,16 +107,6 @@ def curves(found: Study) -> list[Line]:
     return lines
 
 
-def compared(found: Study, folder: Path) -> str:
-    """Before and after: the picture if there is something to compare; writes all values as CSV."""
-    earlier = before.read(folder / before.BEFORE)
-    pages.keep(folder, {"before": before.lines(earlier, found)})
-    if not save(before.drawn(earlier, found), folder / "before.png"):
-        return "Nothing to compare."
-    caption = "Packings now, at 2 m/s (lines with bands) and quasi-static (dotted), and before (dashed)."
-    return pictures({"before.png": caption})
-
-
 def write(out: Path, docs: Path) -> list[Row]:
     """Draw the pictures and fill the page; returns the judged rows."""
     folder = docs / "packing_ensemble"
@@ -134,7 +123,6 @@ def write(out: Path, docs: Path) -> list[Row]:
             "grid": table(summary.shared_grid(found)),
             "states": table(summary.states(checked)),
             "curves": table(summary.curves(checked)),
-            "before": compared(found, folder),
             "pictures": pictures(draw(found, folder)),
         }
         files = {

@@ -73,11 +73,6 @@ PICTURES: dict[str, tuple[Callable[[Study], Figure | None], str]] = {
         "Interior pressure where it first resists: left with contact at shared nodes, right at outlines. "
         "Vertical lines: the formula at rest (dashed) and at 2 m/s (dotted); dots: first changes.",
     ),
-    "distant.png": (
-        snapshots.distant,
-        "A corner of the box at a nominal 0.75, without friction: discs by pressure, each picture with its own scale,"
-        " and lines of force. In the mode of Nezamabadi et al. (2017) discs push each other across gaps.",
-    ),
     "forgetting.png": (
         ensembles.forgetting,
         "What forgetting stress at cell crossings does to the pressure: the same packing, friction 0.5, 2 m/s.",

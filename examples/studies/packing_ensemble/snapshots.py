@@ -1,8 +1,6 @@
-"""Packings with pressures and forces: Figure 4 of Nezamabadi et al. (2017), and the first stage with shared grids."""
+"""Packings with pressures and forces: Figure 4 of Nezamabadi et al. (2017)."""
 
 from __future__ import annotations
-
-from collections.abc import Iterable
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -12,12 +10,11 @@ from matplotlib.figure import Figure
 
 import skmpm
 
-from . import stages, study
-from .curves import Member, Study
+from . import stages
+from .curves import Study
 from .scenes import PLANE
 
 FRICTIONS = (0.0, 0.5)  # from above
-CORNER = 12.0  # width and height of what is shown of the box [mm]
 STEPS = 12  # of the colours of pressure
 
 
@@ -33,7 +30,8 @@ def figure4(found: Study, kind: str) -> Figure | None:
     kept = [stages.states(member) for member in members]
     shown = [stage for stage in kept[0] if stage in kept[1]]
     if not shown:
-        _check_gone(members)
+        if all(map(stages.measured, members)):
+            raise StatesGoneError
         return None
     figure, axes = plt.subplots(2, len(shown), figsize=(3.2 * len(shown), 5.6), layout="constrained", squeeze=False)
     drawn = []
@@ -47,30 +45,6 @@ def figure4(found: Study, kind: str) -> Figure | None:
         discs.set_clim(0.0, top)
     figure.colorbar(drawn[0], ax=axes, label="pressure of a disc / E*", shrink=0.6)
     return figure
-
-
-def distant(found: Study) -> Figure | None:
-    """A corner of the box at the first stage: the mode of Nezamabadi et al. (2017), and contact at outlines."""
-    kinds = {
-        "mode of Nezamabadi et al. (2017), R/h = 6": found.get("shared_grid_mu0_r6"),
-        "contact at outlines": found.packing("fast", 0.0),
-    }
-    states = {what: stages.states(m).get(study.STAGES[0]) for what, m in kinds.items() if m is not None}
-    if len(states) < len(kinds) or None in states.values():
-        _check_gone(kinds.values())
-        return None
-    figure, axes = plt.subplots(1, 2, figsize=(8.0, 3.9), layout="constrained")
-    for axis, (what, state) in zip(axes, states.items(), strict=True):
-        packing(axis, stages.scene(kinds[what]), state)
-        low = 1e3 * np.array([state.walls[2, 0], state.walls[0, 1]]) - 0.3
-        axis.set(title=what, xlim=(low[0], low[0] + CORNER), ylim=(low[1], low[1] + CORNER))
-    return figure
-
-
-def _check_gone(members: Iterable[Member | None]) -> None:
-    """StatesGoneError if all members are there and were measured."""
-    if all(member is not None and stages.measured(member) for member in members):
-        raise StatesGoneError
 
 
 def packing(axis: Axes, scene: skmpm.Scene, state: skmpm.State) -> PolyCollection:
