@@ -53,8 +53,7 @@ def members(options: argparse.Namespace) -> dict[str, Options]:
     for friction, cells in (*((0.0, cells) for cells in CELLS), (0.5, CELLS[0])):
         published = PUBLISHED | {"discs": max(options.discs // 3, 10), "friction": friction}
         found[f"shared_grid_mu{friction:g}_r{cells}"] = published | resolved(cells)
-    seeds = options.seeds if options.fine_seeds is None else options.fine_seeds
-    found |= packings("fine", seeds, slow | resolved(FINE))
+    found |= packings("fine", min(options.seeds, options.fine_seeds), slow | resolved(FINE))
     return {name: common | chosen for name, chosen in found.items()}
 
 

@@ -63,7 +63,7 @@ def parser() -> argparse.ArgumentParser:
     add = options.add_argument
     add("--discs", type=int, default=300, help="a third of them in the mode of Nezamabadi et al. (2017)")
     add("--seeds", type=int, default=4, help="packings for each friction")
-    add("--fine-seeds", type=int, help="the same at R/h = 8; None: as many")
+    add("--fine-seeds", type=int, default=2, help="the same at R/h = 8, at most as many")
     add("--slow", type=float, default=SLOW, help="speed of the quasi-static lid, and of periodic edges [m/s]")
     add("--start", type=float, default=0.70, help="nominal solid fraction at the start")
     add("--until", type=float, default=1.02, help="nominal solid fraction at the end")
