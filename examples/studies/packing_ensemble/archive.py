@@ -1,11 +1,11 @@
 """Members of the study beside its page, so that it goes on, and is drawn again, on another machine.
 
-    python -m examples.studies.packing_ensemble archive              # what has ended, from out/study to the page
+    python -m examples.studies.packing_ensemble archive              # what has finished, from out/study to the page
     python -m examples.studies.packing_ensemble archive --restore    # back to out/study, before the page is drawn
     python -m examples.studies.packing_ensemble archive --restore --version 0.3.0rc1    # before the study goes on
 
-A file has what makes a member that has ended: its manifest, without names of directories and machines, its table, and
-what its states told (`stages.measured`). The states are left out, which pictures of packings are drawn from: restored
+A file has what makes a finished member: its manifest, without names of directories and machines, its table, and what
+its states told (`stages.measured`). The states are left out, which pictures of packings are drawn from: restored
 members keep those that there are. `study` does not run restored members again, and refuses those of another version:
 with `--version` only members of one are restored, and the others run anew.
 """
@@ -30,18 +30,18 @@ HERE = ("host", "process")  # of a session: what says nothing about results
 
 
 def store(out: Path, docs: Path) -> list[str]:
-    """Write the members that have ended, at their end or at a step that failed, beside the page; their names."""
+    """Write the members that have finished beside the page; their names."""
     folder, found = docs / FOLDER, read(out)
-    ended = [ran for ran in found.ran if found.get(ran.name)]
+    finished = [ran for ran in found.ran if ran.status == "finished" and found.get(ran.name)]
     folder.mkdir(parents=True, exist_ok=True)
-    for ran in ended:
+    for ran in finished:
         about = {
             "manifest": anonymous(ran.manifest),
             "stages": stages.measured(found.members[ran.name]),
             "table": rounded((ran.folder / "table.csv").read_text()),
         }
         (folder / f"{ran.name}{SUFFIX}").write_bytes(lzma.compress(json.dumps(about).encode()))
-    return [ran.name for ran in ended]
+    return [ran.name for ran in finished]
 
 
 def restore(docs: Path, out: Path, version: str | None = None) -> list[str]:
